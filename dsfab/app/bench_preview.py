@@ -113,8 +113,9 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
     if kind == "walls":
         stripes.show_walls(eye, 0.01)
         return
-    graded = kind == "graded"
-    half, reach = ((BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)) if graded else ((0.2, 0.15), (NO_REACH, NO_REACH))
+    half, reach = (0.2, 0.15), (NO_REACH, NO_REACH)
+    if kind == "graded":
+        half, reach = (BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)
     stripes.set(StripeSettings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
 
 

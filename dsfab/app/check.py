@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from dsfab.app.check_nonlinear import LINEAR_FILE_CHECK, Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import length, mass
 
 if TYPE_CHECKING:
@@ -104,8 +104,7 @@ def check(
     if json_:
         print_result(json.dumps(check_facts(checked, name), indent=2))
     elif not quiet:
-        for line in check_lines(checked, name):
-            print_result(line)
+        print_lines(check_lines(checked, name))
     return 0 if checked.has_passed else 1
 
 
@@ -215,18 +214,11 @@ def _number_rows(checked: "FileCheck") -> Iterator[tuple[str, str]]:
         yield "thinnest wall", _clearance_words(clearances.wall)
         yield "smallest gap", _clearance_words(clearances.gap)
     if distance is not None:
-        yield (
-            "skins, off t/2",
-            f"{_distance_words(distance.skin_mean)} on average, {_distance_words(distance.skin)} at most",
-        )
-        yield (
-            "file to design",
-            f"{_distance_words(distance.to_design)} at most, at {_place_words(distance.to_place.tolist())}",
-        )
-        yield (
-            "design to file",
-            f"{_distance_words(distance.from_design)} at most, at {_place_words(distance.from_place.tolist())}",
-        )
+        mean, largest = _distance_words(distance.skin_mean), _distance_words(distance.skin)
+        yield "skins, off t/2", f"{mean} on average, {largest} at most"
+        to_place, from_place = _place_words(distance.to_place.tolist()), _place_words(distance.from_place.tolist())
+        yield "file to design", f"{_distance_words(distance.to_design)} at most, at {to_place}"
+        yield "design to file", f"{_distance_words(distance.from_design)} at most, at {from_place}"
     if (carrying := checked.carrying) is not None:
         yield "compliance as a solid", f"{carrying.solid:.4g} J, {carrying.tetrahedra:,} ten-node tetrahedra"
         yield "compliance as a shell", f"{carrying.shell:.4g} J, {carrying.elements} on the cut sheet"
@@ -260,17 +252,12 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
 
 def _unit_reason(checked: "FileCheck") -> str:
     read = checked.found.unit
-    if checked.distance is not None:
-        distance = checked.distance
+    if (distance := checked.distance) is not None:
         return (
             f"read in {read} it is {distance.scale:.4g} times the design's size: its numbers look like "
             f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know the unit"
         )
     wall = checked.clearances.wall if checked.clearances else None
-    size = length(wall.size) if wall else "nothing"
-    is_thin = wall is not None and wall.size < 1
-    likely_unit = "metres" if is_thin else "micrometres"
-    return (
-        f"read in {read} its thinnest wall is {size}: its numbers look like {likely_unit}; scale the file or "
-        "give --unit"
-    )
+    likely_unit = "metres" if wall is not None and wall.size < 1 else "micrometres"
+    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}: its numbers look like {likely_unit}"
+    return f"read in {read} {words}; scale the file or give --unit"

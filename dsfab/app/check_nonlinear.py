@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import Source
-from dsfab.app.terminal import Reporter, print_result, signals_as_interrupts
+from dsfab.app.terminal import Reporter, print_lines, print_result, signals_as_interrupts
 from dsfab.core.messages import length
 
 if TYPE_CHECKING:
@@ -63,8 +63,7 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
     if as_json:
         print_result(json.dumps(nonlinear_facts(result), indent=2))
     elif not quiet:
-        for line in nonlinear_lines(result):
-            print_result(line)
+        print_lines(nonlinear_lines(result))
     return int(result.given_way and result.limit < 1)
 
 

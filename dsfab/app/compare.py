@@ -18,7 +18,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
 from dsfab.core.messages import value_with_bound as bounded
 from dsfab.export import atomic_folder, require_writable
-from dsfab.report.comparison_files import write_results
+from dsfab.report.comparison_files import summary_document, write_results
 from dsfab.report.compliance.findings import percent, within
 from dsfab.report.design.facts import versions
 from dsfab.study import losing_line
@@ -31,17 +31,8 @@ if TYPE_CHECKING:
 
 
 HEAD = (
-    "structure",
-    "variant",
-    "mass",
-    "kept",
-    "compliance",
-    "level",
-    "over full",
-    "over design",
-    "moves",
-    "pieces",
-    "s",
+    *("structure", "variant", "mass", "kept", "compliance", "level"),
+    *("over full", "over design", "moves", "pieces", "s"),
 )
 
 
@@ -56,22 +47,16 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(f"{entry.name} does not carry the loads: {entry.error}")
         elif entry.spread:
             lines.append(_spread_line(entry, result))
-    lines += _theory_lines(result)
+    theories = {entry.name: entry.judgement.theory for entry in result.competitors if entry.judgement}
+    if softer := [f"{name} by up to {percent(theory)}" for name, theory in theories.items() if theory]:
+        lines.append(f"thin-shell theory: solids are softer, {', '.join(softer)}")
     lines += [line for entry in result.competitors for line in _mode_lines(entry)]
     for entry in result.rivals:
         gain = result.gain(entry.name)
         if entry.judgement and result.design.judgement:
-            best_word = "best " if entry.spread else ""
-            lines.append(
-                f"the design is {gain:.3g} x as stiff as the {best_word}{entry.name} structure of the same mass"
-            )
+            name = f"best {entry.name}" if entry.spread else entry.name
+            lines.append(f"the design is {gain:.3g} x as stiff as the {name} structure of the same mass")
     return "\n".join(lines)
-
-
-def _theory_lines(result: "Comparison") -> list[str]:
-    judged = {competitor.name: competitor.judgement.theory for competitor in result.competitors if competitor.judgement}
-    softer = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
-    return [f"thin-shell theory: solids are softer, {', '.join(softer)}"] if softer else []
 
 
 def _mode_lines(competitor: "Competitor") -> list[str]:
@@ -85,9 +70,8 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
         words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
     refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
-    return [f"{competitor.name} {' and '.join(words)}{assumed}"] * bool(words) + [
-        f"{competitor.name}: {text}" for text in refused
-    ]
+    lines = [f"{competitor.name} {' and '.join(words)}{assumed}"] if words else []
+    return lines + [f"{competitor.name}: {text}" for text in refused]
 
 
 def _competitor_cells(competitor: "Competitor", result: "Comparison") -> tuple[str, ...]:
@@ -111,11 +95,9 @@ def _competitor_cells(competitor: "Competitor", result: "Comparison") -> tuple[s
 def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     spread, full = competitor.spread, result.full.compliance
     assert spread is not None
-    return (
-        f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads, from "
-        f"{spread.best / full:.3g} to "
-        f"{spread.worst / full:.3g} x the full sheet, {spread.mean / full:.3g} x in the mean"
-    )
+    best, worst, mean = (f"{value / full:.3g}" for value in (spread.best, spread.worst, spread.mean))
+    words = f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads"
+    return f"{words}, from {best} to {worst} x the full sheet, {mean} x in the mean"
 
 
 ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface (None: the design's own), and result.
@@ -209,10 +191,8 @@ class CompareTask:
 
     def command(self, preset: str) -> str:
         """Return the command line that repeats the comparison, without the folder of the results."""
-        report_flag = [] if self.report else ["--no-report"]
-        return shlex.join(
-            ["dsfab", "compare", *self.source.command_words(preset), *self.questions.words(), *report_flag]
-        )
+        words = [*self.source.command_words(preset), *self.questions.words()]
+        return shlex.join(["dsfab", "compare", *words, *([] if self.report else ["--no-report"])])
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
@@ -301,7 +281,6 @@ def _write_report(
 
 
 def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | None", files: list[Path]) -> None:
-
     print_result("\n\n".join(comparison_text(share, comparison) for share, comparison in comparisons))
     if findings:
         from dsfab.report.compliance.verdict_words import verdict_line
@@ -385,7 +364,6 @@ def _row_of_folder(folder: Path) -> SummaryRow:
 
 
 def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: Path, partial_folder: Path) -> None:
-    from dsfab.report.comparison_files import summary_document
     from dsfab.report.html_pages import document_html
 
     columns = list(dict.fromkeys(key for row in rows for key in row))
@@ -393,9 +371,8 @@ def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: P
         writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(rows)
-    (partial_folder / "summary.html").write_text(
-        document_html(summary_document(rows, against, folder)), encoding="utf-8"
-    )
+    page = document_html(summary_document(rows, against, folder))
+    (partial_folder / "summary.html").write_text(page, encoding="utf-8")
 
 
 DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options.

@@ -22,7 +22,8 @@ from dsfab.render.colouring import preset_with_mode
 from dsfab.render.lettering import PAPER
 from dsfab.render.picture import png_bytes
 from dsfab.render.previewer import Previewers
-from dsfab.report.contact_sheet import ContactTile
+from dsfab.report import contact_sheet as sheets
+from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, ContactTile
 from dsfab.study.variations import (
     Values,
     best_order,
@@ -153,18 +154,14 @@ def explore(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.render.opengl import require_rendering
-    from dsfab.report.contact_sheet import check_film
 
-    loaded, pixels, values = (
-        preset_with_mode(source.read_preset(preset), tile.show),
-        picture_size(tile.size_),
-        parse_variations(vary),
-    )
+    loaded = preset_with_mode(source.read_preset(preset), tile.show)
+    pixels, values = picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
         for value in listed:  # an invalid value raises its error before the work begins
             with_overrides(loaded, {key: value})
     if film.animate:
-        check_film(values, film.fps)
+        sheets.check_film(values, film.fps)
     folder = tile.output or Path("outputs") / f"{loaded.name}-explore"
     require_rendering()
     reporter = Reporter(quiet)
@@ -179,33 +176,29 @@ def explore(
 def _draw_variants(
     variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter
 ) -> "list[ContactTile]":
-    from dsfab.report.contact_sheet import pictures_on_page, write_film
-
     name = variants.preset.name
-    with atomic_folder(folder, lambda old, new: pictures_on_page(old) - pictures_on_page(new)) as partial:
+    pictures = sheets.pictures_on_page
+    with atomic_folder(folder, lambda old, new: pictures(old) - pictures(new)) as partial:
         tiles = variants.tiles(reporter, yes)
         _write(tiles, variants, partial)
         if film.animate:
             reporter("preview", f"making {name}.{film.animate}")
-            write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
+            sheets.write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
     return tiles
 
 
 def _write(tiles: "list[ContactTile]", variants: "Variants", folder: Path) -> None:
-    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, column_count, contact_page, contact_sheet, save
-
     values, pixels = variants.values, variants.pixels
-    column_number = column_count(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
+    columns = sheets.column_count(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
     subtitle = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
-    contact_sheet(tiles, title, subtitle, column_number, 380, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
-    (folder / PAGE_NAME).write_text(contact_page(tiles, title, subtitle, column_number), encoding="utf-8")
-    save(tiles, folder)
+    sheet = sheets.contact_sheet(tiles, title, subtitle, columns, 380, pixels[0] / pixels[1], PAPER)
+    sheet.save(folder / SHEET_NAME)
+    (folder / PAGE_NAME).write_text(sheets.contact_page(tiles, title, subtitle, columns), encoding="utf-8")
+    sheets.save(tiles, folder)
 
 
 def _summary(tiles: "list[ContactTile]", folder: Path, film: Path | None) -> None:
-    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME
-
     failed = sum(tile.png is None for tile in tiles)
     print_result(f"{len(tiles)} variants" + (f", {failed} of them impossible" if failed else ""))
     print_result(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, built_folder, estimate_step
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import ExportError
 from dsfab.core.messages import byte_size, length
 from dsfab.design import Progress
@@ -97,8 +97,7 @@ def export(
     with reporter:
         lines = write_file(loaded_preset, built, request, reporter)
     if not quiet:
-        for line in lines:
-            print_result(line)
+        print_lines(lines)
         print_result(f"  {request.path}  {byte_size(request.path.stat().st_size)}")
     return 0
 
@@ -108,11 +107,9 @@ def write_file(preset: "Preset", built: "Design | None", request: ExportRequest,
     DsfabError."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
-    return (
-        _write_model(preset, request, progress)
-        if request.suffix == CALCULIX_SUFFIX
-        else _write_solid_or_sheet(preset, built, request, progress)
-    )
+    if request.suffix == CALCULIX_SUFFIX:
+        return _write_model(preset, request, progress)
+    return _write_solid_or_sheet(preset, built, request, progress)
 
 
 def offered_formats() -> list[dict[str, str]]:
@@ -218,11 +215,8 @@ def _model_lines(check_model: "CheckModel", request: ExportRequest) -> list[str]
     model = check_model.model
     lines = [f"warning: {text}" for text in check_model.warnings]
     kind = "six-node shells" if model.element == "S6" else "six-node triangles in plane stress"
-    lines.append(
-        f"{request.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element}), "
-        f"{len(model.nodes):,} nodes; "
-        "metres, newtons, pascals"
-    )
+    shells = f"{request.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element})"
+    lines.append(f"{shells}, {len(model.nodes):,} nodes; metres, newtons, pascals")
     for name, answer in check_model.answers.items():
         lines.append(
             f"{name}: dsfab finds a largest displacement of {length(answer.largest_displacement)} and an internal "

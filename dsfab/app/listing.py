@@ -1,14 +1,13 @@
 """The commands `dsfab presets`, `materials` and `inspect`."""
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import length
 from dsfab.report.design.inspection import (
@@ -88,25 +87,18 @@ def inspect(
     if built is None or output is not None or source != UNCHANGED:
         built = _measured_facts(file if built is None else str(path / "preset.toml"), source, output)
     else:
-        _print_lines(load_lines(built))
-    _print_lines((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
+        print_lines(load_lines(built))
+    print_lines((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
     return 0
-
-
-def _print_lines(lines: Iterable[str]) -> None:
-    for line in lines:
-        print_result(line)
 
 
 def _built_facts(folder: Path) -> dict[str, Any]:
     """Return the measures in a folder's design.json; raise PresetError for a folder without them."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        other_facts = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
-        collected: dict[str, Any] = {**facts["fabrication"], **other_facts}
+        return {**facts["fabrication"], **{k: facts[k] for k in ("pattern", "supports", "loads") if k in facts}}
     except (OSError, ValueError, KeyError, TypeError):
         raise PresetError(f"{folder} has no design.json with measures of fabrication; build the design again") from None
-    return collected
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
@@ -123,7 +115,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
             design.until("statics")
         finally:
             reporter.done()
-            _print_lines(load_lines(load_facts(design, solved=design.has("statics"))))
+            print_lines(load_lines(load_facts(design, solved=design.has("statics"))))
         measures = fabrication(design.until("thickening"))
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")
@@ -140,7 +132,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
     print_result(str(path))
     rows = [(label, value) for label, value in [*_fact_rows(facts), ("build", verdict)] if value]
     width = max(len(label) for label, _ in rows)
-    _print_lines(f"  {label:<{width}}  {value}" for label, value in rows)
+    print_lines(f"  {label:<{width}}  {value}" for label, value in rows)
     return accepted
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dsfab.app.options import MaxTriangles, Unit, Up
-from dsfab.app.terminal import print_result
+from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
@@ -49,8 +49,7 @@ def new(
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
-    for line in proposal.lines:
-        print_result(line)
+    print_lines(proposal.lines)
     if warning := strength_warning(proposal):
         print_result(warning)
     print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
@@ -82,10 +81,8 @@ def strength_warning(proposal: "Proposal") -> str:
         weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         advice = f"{weight_words}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"
-    return (
-        f"{topic}  {largest_share:.0%} of its strength, {usual_share:.0%} on 99 % of it, and more once it is "
-        f"cut; {advice}"
-    )
+    shares = f"{largest_share:.0%} of its strength, {usual_share:.0%} on 99 % of it"
+    return f"{topic}  {shares}, and more once it is cut; {advice}"
 
 
 def _relative_path(preset: Path, mesh: Path) -> Path:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.messages import byte_size, table
 
@@ -102,13 +102,10 @@ class Source:
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
-        is_mesh_file = Path(name).is_file() and Path(name).suffix.lower() not in (
-            "",
-            ".toml",
-        )  # the mesh reader refuses unknown suffixes and lists the formats
-        mesh_file = (
-            name if is_mesh_file or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
-        )
+        suffix = Path(name).suffix.lower()
+        # a file with another suffix counts, too: the mesh reader refuses it and lists the formats
+        is_mesh_file = suffix in MESH_SUFFIXES or (Path(name).is_file() and suffix not in ("", ".toml"))
+        mesh_file = name if is_mesh_file else self.mesh if name == OWN else None
         if mesh_file is None:
             return None
         if mesh_file is name and self.mesh is not None:
@@ -184,8 +181,7 @@ def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" =
         design = built or run(preset, reporter)
         reporter("export", "estimating STEP")
         lines = list(estimate_lines(design))
-    for line in lines:
-        print_result(line)
+    print_lines(lines)
     return 0
 
 

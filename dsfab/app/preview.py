@@ -143,19 +143,16 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    needs_structure = (
-        picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
-    )  # otherwise the drawing process saves no time
+    # the drawing process saves time only for the structure, and before this process has loaded VTK
+    needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
 
         probe_ahead()
         yield None
         return
-    on_sketch = (
-        (lambda: reporter.print_line("preview     a first picture is there, its widths follow")) if sketched else None
-    )
-    with FirstPicture(on_sketch) as first_picture:
+    on_sketch = lambda: reporter.print_line("preview     a first picture is there, its widths follow")  # noqa: E731
+    with FirstPicture(on_sketch if sketched else None) as first_picture:
         yield first_picture
 
 
@@ -313,9 +310,8 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            if (
-                current_stamp is not None and current_stamp != seen_stamp
-            ):  # without a stamp, a text editor is replacing the file
+            # the stamp is None for a moment while a text editor replaces the file
+            if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:
                     draw()

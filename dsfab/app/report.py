@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines
 
 if TYPE_CHECKING:
     from dsfab.design import Design, Progress
@@ -44,13 +44,10 @@ def report(
     require_writable(folder)
     with Reporter(quiet) as reporter:
         design = built_design(preset, loaded) or Design.from_preset(loaded, progress=reporter).until("slicing")
-        files, lines = write_members(
-            design, shlex.join(["dsfab", "report", *source.command_words(preset)]), folder, reporter
-        )
+        command = shlex.join(["dsfab", "report", *source.command_words(preset)])
+        files, lines = write_members(design, command, folder, reporter)
     if not quiet:
-        for line in lines:
-            print_result(line)
-        print_result("\n".join(f"  {folder / name}" for name in files))
+        print_lines((*lines, *(f"  {folder / name}" for name in files)))
     return 0
 
 

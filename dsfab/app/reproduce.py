@@ -136,11 +136,9 @@ def _volume_rows(folder: Path) -> list[dict[str, Any]]:
 def _machine_words() -> str:
     library_versions = versions()
     cores = os.cpu_count() or 1
-    return (
-        f"dsfab {library_versions['dsfab']}, Python {library_versions['python']}, solver "
-        f"{library_versions['solver']}, {platform.system()}, "
-        f"{cores} {'core' if cores == 1 else 'cores'} of {_processor_name()}"
-    )
+    dsfab, python, solver = (library_versions[name] for name in ("dsfab", "python", "solver"))
+    machine = f"{platform.system()}, {cores} {'core' if cores == 1 else 'cores'} of {_processor_name()}"
+    return f"dsfab {dsfab}, Python {python}, solver {solver}, {machine}"
 
 
 def _processor_name() -> str:

@@ -12,7 +12,7 @@ from cyclopts import Parameter
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
-from dsfab.core.toml_files import TomlError, toml_table
+from dsfab.core.toml_files import TomlError, shipped_presets, toml_table
 
 if TYPE_CHECKING:
     from dsfab.study.sweeps.folder import SweepFolder
@@ -144,8 +144,6 @@ def sweep(
 
 
 def _is_sweep_folder(what: str, varied: bool) -> bool:
-    from dsfab.core.toml_files import shipped_presets
-
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 
 
@@ -158,8 +156,6 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         return read_plan(path / SWEEP), f"sweep {path / SWEEP}"
-    if path.is_file() and not varied and _is_sweep(path):
-        return read_plan(path), f"sweep {path.name}"
     if path.is_file() and _is_sweep(path):
         return read_plan(path), f"sweep {path.name}"
     if not varied:
@@ -246,10 +242,8 @@ def _drawer(plan: "Plan") -> "Drawer | None":
 
 
 def _workers(sweep: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
+    from dsfab.study.sweeps.workers import DaskWorkers, LocalWorkers
+
     if scheduler is not None:
-        from dsfab.study.sweeps.workers import DaskWorkers
-
         return DaskWorkers(sweep.job(draw, ship_mesh=True), scheduler)
-    from dsfab.study.sweeps.workers import LocalWorkers
-
     return LocalWorkers(sweep.job(draw), workers)

@@ -4,7 +4,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Self
 
@@ -63,6 +63,12 @@ class Reporter:
 def print_result(text: str = "") -> None:
     """Print results on standard output."""
     sys.stdout.write(text + "\n")
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print each line of results on standard output."""
+    for line in lines:
+        print_result(line)
 
 
 @contextmanager

@@ -3,14 +3,14 @@ verdicts."""
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import table
 
 if TYPE_CHECKING:
@@ -19,17 +19,8 @@ if TYPE_CHECKING:
 
 
 CALIBRATION_HEAD = (
-    "design",
-    "width",
-    "share",
-    "triangles",
-    "edges/member",
-    "facets",
-    "meshes",
-    "bound",
-    "error",
-    "",
-    "quick error",
+    *("design", "width", "share", "triangles", "edges/member", "facets", "meshes"),
+    *("bound", "error", "", "quick error"),
 )
 
 
@@ -42,18 +33,16 @@ def calibrate(folder: Path, as_json: bool) -> int:
     with Reporter(quiet=as_json) as reporter:
         rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(
-        {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}, indent=2
-    )
+    record = {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}
+    text = json.dumps(record, indent=2)
     (folder / "calibration.json").write_text(text, encoding="utf-8")
     (folder / "calibration.csv").write_text(table_text(rows), encoding="utf-8")
-    print_result(
-        text
-        if as_json
-        else "\n".join(
-            (table(CALIBRATION_HEAD, map(_calibration_cells, rows)), *_lines_by_kind(rows), summary_text(rows))
-        )
-    )
+    if as_json:
+        print_result(text)
+    else:
+        kinds = dict.fromkeys(row.kind for row in rows)
+        by_kind = [f"{kind}: {summary_text([row for row in rows if row.kind == kind])}" for kind in kinds]
+        print_lines((table(CALIBRATION_HEAD, map(_calibration_cells, rows)), *by_kind, summary_text(rows)))
     return int(summary(rows).inside < 0.95)
 
 
@@ -65,26 +54,14 @@ def summary_text(rows: "Sequence[TrialRow]") -> str:
     return (
         f"verdicts on {result.designs} random designs: {result.inside:.0%} inside their bound, median bound "
         f"{result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
-        "quick level: "
-        f"median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
+        f"quick level: median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
     )
 
 
-def _lines_by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
-    for kind in dict.fromkeys(row.kind for row in rows):
-        yield f"{kind}: {summary_text([row for row in rows if row.kind == kind])}"
-
-
 def _calibration_record(row: "TrialRow") -> dict[str, Any]:
-    estimate = row.estimate
-    derived = {
-        "value": estimate.value,
-        "bound": estimate.bound,
-        "levels": row.levels,
-        "truth": row.truth,
-        "inside": row.is_inside,
-    }
-    return {**asdict(row), **derived, "error": row.error, "quick_error": row.quick_error}
+    derived = {"value": row.estimate.value, "bound": row.estimate.bound, "levels": row.levels, "truth": row.truth}
+    errors = {"inside": row.is_inside, "error": row.error, "quick_error": row.quick_error}
+    return {**asdict(row), **derived, **errors}
 
 
 def _calibration_cells(row: "TrialRow") -> tuple[str, ...]:
@@ -192,8 +169,6 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
         lines.append(f"widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]})")
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
-        outcomes = ", ".join(
-            f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome]
-        )
+        outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])
         lines.append(f"{pair} against {counts.total()} published values, at equal unknowns or cells: {outcomes}")
     return [*lines, summary_text(shipped_table())]

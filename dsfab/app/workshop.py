@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
 from dsfab.core.units import METRES_PER
@@ -77,8 +77,7 @@ def workshop(
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
         documents = _documents(plan, design, flags.ifc)
     if not quiet:
-        for note in plan.notes:
-            print_result(note)
+        print_lines(plan.notes)
     written_folder = write_workshop(plan, target, loaded.name, documents)
     if not quiet:
         _print_files(plan, written_folder, documents)

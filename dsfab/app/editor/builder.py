@@ -12,7 +12,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from dsfab.app.editor.jobs import ReportProgress
 from dsfab.app.editor.workspace import MeshRequest, opened_mesh
 from dsfab.core.errors import DsfabError
 from dsfab.preset.file import preset_toml
@@ -29,28 +28,23 @@ def main() -> None:
     def progress(stage: str, text: str) -> None:
         _send_line(output, {"stage": stage, "text": text})
 
+    final_message: dict[str, Any]
     try:
-        final_message = (
-            _open_mesh(request) if isinstance(request, MeshRequest) else _build_files(request, Path(folder), progress)
-        )
+        if isinstance(request, MeshRequest):
+            opened = opened_mesh(request)
+            decided = [asdict(decision) for decision in opened.decided]
+            final_message = {"preset": preset_toml(opened.preset), "decided": decided}
+        else:
+            from dsfab.app.editor.building import build_files, export_file
+
+            result = (export_file if request.only else build_files)(request, Path(folder), progress)
+            final_message = {"done": result.facts, "files": [path.name for path in result.files]}
     except DsfabError as error:
         _send_line(output, {"refused": str(error)})
     except Exception as error:  # the editor's message asks the user to report this bug
         _send_line(output, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
         _send_line(output, final_message)
-
-
-def _build_files(request: Any, folder: Path, progress: ReportProgress) -> dict[str, Any]:
-    from dsfab.app.editor.building import build_files, export_file
-
-    result = (export_file if request.only else build_files)(request, folder, progress)
-    return {"done": result.facts, "files": [path.name for path in result.files]}
-
-
-def _open_mesh(request: MeshRequest) -> dict[str, Any]:
-    opened = opened_mesh(request)
-    return {"preset": preset_toml(opened.preset), "decided": [asdict(decision) for decision in opened.decided]}
 
 
 def _send_line(output: TextIO, message: dict[str, Any]) -> None:

@@ -58,7 +58,8 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
-        design = _with_mesh_copy(design, request.mesh, folder)
+        copy = Path(shutil.copy(request.mesh, _mesh_copy_path(request.mesh, folder)))
+        design = replace(design, preset=with_file(design.preset, copy))
     saved = save(design, folder, progress, request.picture)
     wanted_files = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     requested_files = [path for path in wanted_files if path.exists()]
@@ -97,11 +98,6 @@ def _design_of_request(request: BuildRequest, progress: ReportProgress) -> Desig
 
 def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
     return folder / f"surface{mesh.suffix}"
-
-
-def _with_mesh_copy(design: Design, mesh: Path, folder: Path) -> Design:
-    copy = Path(shutil.copy(mesh, _mesh_copy_path(mesh, folder)))
-    return replace(design, preset=with_file(design.preset, copy))
 
 
 def draw_png(
@@ -156,12 +152,8 @@ def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedP
         _process(Path(temporary)) as process,
     ):
         answer = _final_message(process, message, progress, "reading the mesh", "make it coarser")
-    return OpenedPreset(
-        preset_from_text(answer["preset"]),
-        (),
-        request.name,
-        tuple(Decision(**decision) for decision in answer["decided"]),
-    )
+    decided = tuple(Decision(**decision) for decision in answer["decided"])
+    return OpenedPreset(preset_from_text(answer["preset"]), (), request.name, decided)
 
 
 def _final_message(
@@ -259,10 +251,8 @@ class Builds:
         count = self.outputs.foreign_files(name)
         if not count:
             return {}
-        place = f"{self.outputs.label}/{name}"
-        files = "1 file" if count == 1 else f"{count} files"
-        would = "files of the same names, and what a build wrote there, would be replaced."
-        text = f"{place} holds {files} of before; {would}"
+        words = f"{self.outputs.label}/{name} holds {'1 file' if count == 1 else f'{count} files'} of before; "
+        text = words + "files of the same names, and what a build wrote there, would be replaced."
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:

@@ -137,16 +137,8 @@ def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
     """Return all controls for JSON; the ranges of lengths scale with the size of the surface."""
     reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
     families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
-    return [
-        asdict(control)
-        for control in [
-            *_method_controls(),
-            *families,
-            *_width_controls(reach),
-            *_kept_controls(reach),
-            *surface_controls(surface),
-        ]
-    ]
+    pattern_controls = [*_method_controls(), *families, *_width_controls(reach), *_kept_controls(reach)]
+    return [asdict(control) for control in (*pattern_controls, *surface_controls(surface))]
 
 
 def _method_controls() -> list[Control]:
@@ -157,22 +149,14 @@ def _method_controls() -> list[Control]:
         Control(group, "pattern.method", "method", "choice", choices=methods, live=False, hint=_METHOD),
         Control(group, "pattern.families", "families", "choice", choices=shown, hint=_FAMILIES),
         Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
-        Control(
-            group,
-            "pattern.symmetry",
-            "symmetry",
-            "choice",
-            choices=symmetries,
-            live=False,
-            hint=_STRIPE_SYMMETRY,
-            method=even,
-        ),
-        Control(group, "pattern.forces", "forces", "choice", choices=forces, live=False, hint=_FORCES, method=even),
-        Control(
-            group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, live=False, hint=_ROUNDS, method=even
-        ),
-        Control(
-            group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, live=False, hint=_TURN, method=even
+        *(
+            replace(control, live=False, method=even)
+            for control in (
+                Control(group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, hint=_STRIPE_SYMMETRY),
+                Control(group, "pattern.forces", "forces", "choice", choices=forces, hint=_FORCES),
+                Control(group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, hint=_ROUNDS),
+                Control(group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, hint=_TURN),
+            )
         ),
     ]
 
@@ -187,27 +171,16 @@ _TURN = "Degrees that both families are turned by from the stress; 90 lets them 
 
 
 def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
-    key, group, modes_method = f"pattern.{name}.", f"{name} stripes", "modes"
-    mode_count = preset.diffusion.modes
+    key, group, mode_count = f"pattern.{name}.", f"{name} stripes", preset.diffusion.modes
     spacing = Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING)
     return [
-        Control(
-            group,
-            key + "mode",
-            "mode",
-            "whole",
-            low=1,
-            high=mode_count,
-            step=1,
+        replace(
+            Control(group, key + "mode", "mode", "whole", low=1, high=mode_count, step=1, hint=_MODE, method="modes"),
             word="auto",
-            hint=_MODE,
-            method=modes_method,
         ),
-        Control(
-            group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=modes_method
-        ),
+        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method="modes"),
         replace(spacing, instead=Family().distance(surface.area, surface.mean_edge)),
-        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=modes_method),
+        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method="modes"),
         Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
     ]
 

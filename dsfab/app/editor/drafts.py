@@ -71,7 +71,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
             for name in ("major", "minor")
         },
         "limits": {
-            "stress": _stress_limit(answers["stress"]),
+            "stress": float(np.percentile(np.abs(answers["stress"]), COLOUR_PERCENTILE)) or 1.0,
             "displacement": float(np.linalg.norm(answers["u"], axis=1).max()),
         },
         "loops": [len(loop) for loop in surface.loops],
@@ -117,12 +117,8 @@ def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any
 def colour_scales() -> dict[str, list[list[int]]]:
     """Return the colour scales by name, in 64 steps of red, green and blue."""
     signed, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
-    scales = {
-        "diverging": diverging_colours(signed),
-        "signed": signed_colours(signed),
-        "rising": rising_colours(values),
-    }
-    return {name: scale.tolist() for name, scale in scales.items()}
+    scales = {"diverging": diverging_colours(signed), "signed": signed_colours(signed)}
+    return {name: scale.tolist() for name, scale in (scales | {"rising": rising_colours(values)}).items()}
 
 
 def has_creases(surface: Surface) -> bool:
@@ -160,10 +156,6 @@ def _relative_stress(draft: Design) -> Floats:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
     except DsfabError:
         return np.ones((draft.surface.n, 2))
-
-
-def _stress_limit(value: Floats) -> float:
-    return float(np.percentile(np.abs(value), COLOUR_PERCENTILE)) or 1.0
 
 
 def _lines_per_metre(surface: Surface, x: Floats) -> float:

@@ -89,14 +89,9 @@ def _changes_field(fields: RequestFields) -> RequestFields:
     return changes
 
 
-def _handle_build(session: Session, fields: RequestFields) -> RequestFields:
-    return session.ask_build(_changes_field(fields), bool(fields.get("replace", False)))
-
-
 def _handle_export(session: Session, fields: RequestFields) -> RequestFields:
-    return session.ask_build(
-        _changes_field(fields), bool(fields.get("replace", False)), _required_field(fields, "format", str)
-    )
+    changes, suffix = _changes_field(fields), _required_field(fields, "format", str)
+    return session.ask_build(changes, bool(fields.get("replace", False)), suffix)
 
 
 def _handle_picture(session: Session, fields: RequestFields) -> RequestFields:
@@ -108,11 +103,8 @@ def _handle_picture(session: Session, fields: RequestFields) -> RequestFields:
 
 
 def _handle_keep(session: Session, fields: RequestFields) -> RequestFields:
-    name, picture, figures = (
-        _required_field(fields, "name", str),
-        _required_field(fields, "picture", str),
-        _required_field(fields, "figures", dict),
-    )
+    kinds = {"name": str, "picture": str, "figures": dict}
+    name, picture, figures = (_required_field(fields, key, kind) for key, kind in kinds.items())
     session.variants.keep(KeptVariant(name, session.current_preset, _changes_field(fields), picture, figures))
     return {"variants": session.variants.records()}
 
@@ -143,15 +135,13 @@ def _handle_open(session: Session, fields: RequestFields) -> RequestFields:
         return session.open_toml(_required_field(fields, "toml", str))
     if "variant" in fields:
         return session.open_variant(_required_field(fields, "variant", int))
-    unit = fields.get("unit")
-    return session.ask_mesh(
-        _required_field(fields, "name", str), str(unit) if unit else None, _required_field(fields, "data", str)
-    )
+    name, data, unit = _required_field(fields, "name", str), _required_field(fields, "data", str), fields.get("unit")
+    return session.ask_mesh(name, str(unit) if unit else None, data)
 
 
 HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "solve": lambda session, given: {"job": session.ask_solve(_changes_field(given))},
-    "build": _handle_build,
+    "build": lambda session, given: session.ask_build(_changes_field(given), bool(given.get("replace", False))),
     "export": _handle_export,
     "formats": lambda session, given: {"formats": offered_formats()},
     "picture": _handle_picture,

@@ -185,10 +185,8 @@ class EditorHandler(BaseHTTPRequestHandler):
         path = self.server.session.builds.file(build, index)
         if path is None:
             raise RefusedRequest(HTTPStatus.NOT_FOUND, "this build has no such file; build again")
-        name = quote(path.name)
-        self._bytes(
-            path.read_bytes(), "application/octet-stream", {"Content-Disposition": f"attachment; filename={name}"}
-        )
+        attachment = {"Content-Disposition": f"attachment; filename={quote(path.name)}"}
+        self._bytes(path.read_bytes(), "application/octet-stream", attachment)
 
     def _events(self) -> None:
         jobs = self.server.session.jobs

@@ -13,9 +13,17 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from dsfab.app.editor.building import BuildRequest, Builds, open_mesh_in_process
+from dsfab.app.editor.building import BuildRequest, Builds, draw_png, open_mesh_in_process
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.drafts import colour_scales, draft_model, pack_message, pattern_widths
+from dsfab.app.editor.drafts import (
+    colour_scales,
+    cut_sheet_arrays,
+    draft_model,
+    pack_message,
+    pattern_widths,
+    sheet_figures,
+    tidied_cut,
+)
 from dsfab.app.editor.jobs import JobProgress, Jobs
 from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, VariantTray, opened_shipped, saved_preset
 from dsfab.app.export import format_suffix
@@ -222,15 +230,11 @@ class Session:
     def cut_sheet(self, draft: int) -> bytes:
         """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of an older
         draft."""
-        from dsfab.app.editor.drafts import cut_sheet_arrays
-
         with self._lock:
             latest_cut = self._cut
-        return (
-            pack_message({}, cut_sheet_arrays(latest_cut[0].draft, latest_cut[1]))
-            if latest_cut and latest_cut[0].number == draft
-            else b""
-        )
+        if not latest_cut or latest_cut[0].number != draft:
+            return b""
+        return pack_message({}, cut_sheet_arrays(latest_cut[0].draft, latest_cut[1]))
 
     def _model(self, shown: SessionView, have: int) -> bytes:
         facts, arrays = pattern_widths(shown.draft)
@@ -272,8 +276,6 @@ class Session:
         return SessionView(draft, earlier.number + 1, earlier.version if is_same else earlier.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.drafts import sheet_figures, tidied_cut
-
         cut, notes = tidied_cut(shown.draft, progress)
         progress("slicing", "measuring members")
         measures = sheet_figures(shown.draft, cut, notes)
@@ -296,15 +298,9 @@ class Session:
     def _picture(
         self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress
     ) -> dict[str, Any]:
-        from dsfab.app.editor.building import draw_png
-
         with self._lock:
-            earlier = self._shown
-        return {
-            "png": base64.b64encode(
-                draw_png(preset, earlier.draft if earlier else None, view, show, size, progress)
-            ).decode()
-        }
+            earlier = self._shown.draft if self._shown else None
+        return {"png": base64.b64encode(draw_png(preset, earlier, view, show, size, progress)).decode()}
 
 
 def _same_model(draft: Design, earlier: Design) -> bool:
@@ -314,6 +310,5 @@ def _same_model(draft: Design, earlier: Design) -> bool:
         return False
     if draft.statics is not earlier.statics:  # a sketch may have rough statics
         return False
-    return draft.diffusion is earlier.diffusion and StripedMesh.from_design(draft).is_same_mesh(
-        StripedMesh.from_design(earlier)
-    )
+    mesh, earlier_mesh = StripedMesh.from_design(draft), StripedMesh.from_design(earlier)
+    return draft.diffusion is earlier.diffusion and mesh.is_same_mesh(earlier_mesh)

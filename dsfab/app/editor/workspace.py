@@ -1,6 +1,7 @@
 """Workspace of the editor: the open preset, the variants, and the output folder."""
 
 import itertools
+import json
 import re
 import shlex
 import shutil
@@ -217,8 +218,6 @@ def _inline_toml(value: Any) -> str:
         return "{" + ", ".join(f"{key} = {_inline_toml(part)}" for key, part in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_inline_toml, value)) + "]"
-    import json
-
     return json.dumps(value)
 
 
@@ -301,9 +300,8 @@ class VariantTray:
 
 def differences(before: Preset, after: Preset) -> list[tuple[str, Any, Any]]:
     """Return dotted keys with different values, and both values; the preset's name and description are ignored."""
-    a, b = (
-        dict(_leaves(preset.model_dump(mode="json", exclude={"name", "description"}))) for preset in (before, after)
-    )
+    hidden = {"name", "description"}
+    a, b = (dict(_leaves(preset.model_dump(mode="json", exclude=hidden))) for preset in (before, after))
     return [(key, a.get(key), b.get(key)) for key in {**a, **b} if a.get(key) != b.get(key)]
 
 

@@ -49,10 +49,8 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
         reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # metres; two edges of the mesh
         feet = [[metre * x for x in point] for point in values["supports"]]
         pickers = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
-        yield (
-            "surface.support",
-            [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)],
-        )
+        supports = [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)]
+        yield "surface.support", supports
     if values["snow"] is not None:
         yield "surface.load", [{"kind": "self_weight"}, {"kind": "snow", "pressure": values["snow"]}]
     for name, key, factor in (("thickness", "statics.thickness", metre), ("share", "pattern.width.solid_fraction", 1)):
@@ -111,12 +109,8 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
     """Return the cut sheet, its centre lines, and notes; without the solid, the answer takes less time."""
     design = design_of_request(request).until("slicing")
-    sheet = design.sheet.surface
-    return (
-        mesh_json(sheet.V / request.metre, sheet.F),
-        _curves_and_names(design, "centre", request)[0],
-        _note_texts(design),
-    )
+    sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
+    return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:

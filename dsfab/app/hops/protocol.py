@@ -118,11 +118,8 @@ def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsReque
     if word not in UNITS:
         raise HopsError(f"the unit of the model is {word}; work in {', '.join(UNITS)}")
     key = json.dumps([component.inputs[0].name, sorted(items_by_name.items()), word])
-    return HopsRequest(
-        {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs},
-        UNITS[word],
-        key,
-    )
+    values = {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs}
+    return HopsRequest(values, UNITS[word], key)
 
 
 def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]]) -> Any:
@@ -159,9 +156,7 @@ def _number(value: Any) -> float:
 
 def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
     values = value if parameter.is_list else [value]
-    json_kinds = ("Mesh", "Curve")  # values of these kinds are JSON already
-    items = [
-        {"type": NET_TYPES[parameter.kind], "data": item if parameter.kind in json_kinds else json.dumps(item)}
-        for item in values
-    ]
+    if parameter.kind not in ("Mesh", "Curve"):  # values of these kinds are JSON already
+        values = [json.dumps(item) for item in values]
+    items = [{"type": NET_TYPES[parameter.kind], "data": text} for text in values]
     return {"ParamName": parameter.name, "InnerTree": {"0": items}}

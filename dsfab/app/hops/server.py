@@ -58,8 +58,6 @@ class Solver:
 
 def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
     """Return whether a request succeeded, and the answer as JSON or the reason of a refusal."""
-    from dsfab.app.hops.components import COMPONENTS
-
     component = COMPONENTS[name]
     try:
         return True, json.dumps(component.answer(read_request(component, body)))
