@@ -104,15 +104,8 @@ def _paste_tile(
         small = ImageFont.load_default(size=15)
         lines = _wrapped_lines(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
         draw.rectangle((x, y, x + wide - 1, y + high - 1), outline=hair)
-        draw.multiline_text(
-            (x + wide / 2, y + high / 2),
-            "\n".join(lines),
-            fill=grey,
-            font=small,
-            anchor="mm",
-            align="center",
-            spacing=6,
-        )
+        middle, text = (x + wide / 2, y + high / 2), "\n".join(lines)
+        draw.multiline_text(middle, text, fill=grey, font=small, anchor="mm", align="center", spacing=6)
     else:
         sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), corner)
     draw.line((x, y + high + 6, x + wide - 1, y + high + 6), fill=hair)
@@ -156,11 +149,8 @@ def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, column
     beside it."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
-    return html_page(title, body, _STYLE.replace("ACROSS", str(_page_columns(columns))))
-
-
-def _page_columns(columns: int) -> int:
-    return columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
+    across = columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
+    return html_page(title, body, _STYLE.replace("ACROSS", str(across)))
 
 
 def _figure(tile: ContactTile) -> str:

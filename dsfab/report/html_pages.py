@@ -210,11 +210,8 @@ def escaped_text(text: str) -> str:
 def document_html(document: Document) -> str:
     """Return a document as an HTML file."""
     running_title, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
-    rules = (
-        DOCUMENT_STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}")
-        .replace("RUNNING", running_title)
-        .replace("FOOTER", footer)
-    )
+    rules = DOCUMENT_STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}")
+    rules = rules.replace("RUNNING", running_title).replace("FOOTER", footer)
     sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
     body = [_title(document), *sections, f"<footer>{escape(document.footer)}</footer>"]
     return html_page(f"{document.title}: {document.subject}", "\n".join(body), rules)
@@ -258,9 +255,8 @@ def _table(table: Table) -> str:
     def cells(row: Sequence[str], tag: str) -> str:
         return "".join(f"<{tag}{_kind(cell, i < table.left_columns)}>{cell}</{tag}>" for i, cell in enumerate(row))
 
-    rows = "".join(
-        f"<tr{' class=strong' if i in table.strong else ''}>{cells(row, 'td')}</tr>" for i, row in enumerate(table.rows)
-    )
+    kinds = (" class=strong" if i in table.strong else "" for i in range(len(table.rows)))
+    rows = "".join(f"<tr{kind}>{cells(row, 'td')}</tr>" for kind, row in zip(kinds, table.rows, strict=True))
     note = f'<p class="note">{table.note}</p>' if table.note else ""
     return (
         f'<div class="table"><table><caption>{table.caption}</caption>'
@@ -278,9 +274,8 @@ def _figure(figure: ReportFigure) -> str:
     if figure.missing:
         return f"<figure>{reason_paragraph(figure.missing)}{caption}</figure>"
     data = base64.b64encode(figure.image).decode("ascii")
-    inside = image_tag(
-        f"data:image/{figure.kind};base64,{data}", without_markup(figure.caption), figure.size, lazy=False
-    )
+    source = f"data:image/{figure.kind};base64,{data}"
+    inside = image_tag(source, without_markup(figure.caption), figure.size, lazy=False)
     width = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
     scale = _scale(figure.scale) if figure.scale else ""
     return f"<figure{width}>{inside}{scale}{caption}</figure>"

@@ -164,7 +164,7 @@ def document_pdf(document: Document) -> bytes:
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 
-    styles = PdfStyles.from_text(_all_text(document))
+    styles = PdfStyles.from_text(repr(document.sections) + document.subject + repr(document.facts))
     file = io.BytesIO()
     template = SimpleDocTemplate(
         file,
@@ -182,10 +182,6 @@ def document_pdf(document: Document) -> bytes:
         story += _section(number, section, styles)
     template.build(story, canvasmaker=partial(_numbered_canvas, document, styles))
     return file.getvalue()
-
-
-def _all_text(document: Document) -> str:
-    return repr(document.sections) + document.subject + repr(document.facts)
 
 
 def _numbered_canvas(document: Document, styles: PdfStyles, *arguments: Any, **named: Any) -> Any:
@@ -227,22 +223,16 @@ def _title(document: Document, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import HRFlowable, Spacer
 
     rule = HRFlowable(width="100%", thickness=2, color=reportlab_colour(COLOURS["blue"]), spaceAfter=3 * MM)
-    words = [
-        styles.text(escaped_text(document.title.upper()), "over"),
-        styles.text(escaped_text(document.subject), "title"),
-    ]
+    over, subject = escaped_text(document.title.upper()), escaped_text(document.subject)
+    words = [styles.text(over, "over"), styles.text(subject, "title")]
     cells = [
         [styles.text(escaped_text(name), "fact_name"), styles.text(escaped_text(value), "fact")]
         for name, value in document.facts
     ]
     cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
-    return [
-        rule,
-        *words,
-        _grid(rows, [TEXT_WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
-        Spacer(1, 5 * MM),
-    ]
+    lines = [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]
+    return [rule, *words, _grid(rows, [TEXT_WIDTH / 4] * 4, lines), Spacer(1, 5 * MM)]
 
 
 def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
@@ -256,20 +246,14 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
 def _section(number: int, section: ReportSection, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
-    accent = hex_colour(COLOURS["blue"])
-    head = styles.text(
-        f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped_text(section.title)}', "heading"
-    )
+    number_markup = f'<font color="{hex_colour(COLOURS["blue"])}">{number}</font>'
+    head = styles.text(f"{number_markup}&nbsp;&nbsp;&nbsp;{escaped_text(section.title)}", "heading")
     page_break = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first_block, *rest = [_block(block, styles) for block in section.blocks]
     # reportlab does not allow a KeepTogether inside a KeepTogether
     with_heading = first_block[0]._content if isinstance(first_block[0], KeepTogether) else first_block[:1]
-    return [
-        *page_break,
-        KeepTogether([head, *with_heading]),
-        *first_block[1:],
-        *(part for parts in rest for part in parts),
-    ]
+    further = [part for parts in rest for part in parts]
+    return [*page_break, KeepTogether([head, *with_heading]), *first_block[1:], *further]
 
 
 def _block(block: Block, styles: PdfStyles) -> list[Any]:

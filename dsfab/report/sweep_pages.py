@@ -146,10 +146,8 @@ def _contact_sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
         shown = [row for row in shown if row.number in chosen]
         subject = f"the best {len(shown)} of {len(rows)} runs by {first_metric(plan)}"
     tiles = [_tile(folder.path, row, first_metric(plan)) for row in shown]
-    column_number = column_count(
-        len(tiles),
-        [len(axis.grid_changes()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
-    )
+    is_grid = plan.sampling == "grid" and plan.search is None
+    column_number = column_count(len(tiles), [len(axis.grid_changes()) for axis in plan.axes] if is_grid else [])
     wide, high = (int(word) for word in plan.size.split("x"))
     subtitle = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
     return contact_sheet(tiles, f"{folder.preset.name}, {subject}", subtitle, column_number, 260, wide / high, PAPER)
@@ -167,23 +165,19 @@ def _tile(folder: Path, row: RunRow, metric: str) -> ContactTile:
         except OSError:  # the user removed or damaged the picture
             picture = None
     short = short_names(list(row.changes))
-    parameters = [(short[key], _short_value(value)) for key, value in row.changes.items()]
+    texts = {key: f"{x:.4g}" if isinstance(x, float) else spelled_value(x) for key, x in row.changes.items()}
+    parameters = [(short[key], text) for key, text in texts.items()]
     if metric in row.metrics:
         parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
     return ContactTile(row.number, tuple(parameters), "", picture, row.error or "no picture")
-
-
-def _short_value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else spelled_value(value)
 
 
 def sweep_summary(folder: SweepFolder) -> str:
     """Return lines about a sweep: states of the runs, best run, front of best runs, and files."""
     rows, plan = folder.rows(), folder.plan
     metric, other_metric = first_metric(plan), second_metric(plan)
-    done_count, failed_count, killed_count = (
-        sum(row.state == state for row in rows) for state in ("done", "failed", "killed")
-    )
+    states = [row.state for row in rows]
+    done_count, failed_count, killed_count = (states.count(state) for state in ("done", "failed", "killed"))
     left_count = len(rows) - done_count - failed_count - killed_count
     rest_words = f", {killed_count} killed" * (killed_count > 0) + f", {left_count} left" * (left_count > 0)
     lines = [f"{len(rows)} runs: {done_count} done, {failed_count} failed{rest_words}"]
@@ -192,10 +186,8 @@ def sweep_summary(folder: SweepFolder) -> str:
         lines.append(f"{feasible_count} of them meet {', '.join(plan.constraints)}")
     if ranked := best(rows, metric, plan.limits):
         lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
-        lines.append(
-            f"{len(pareto(rows, metric, other_metric, plan.limits))} runs on the front of {metric} against "
-            f"{other_metric}"
-        )
+        front = pareto(rows, metric, other_metric, plan.limits)
+        lines.append(f"{len(front)} runs on the front of {metric} against {other_metric}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
 
@@ -233,16 +225,11 @@ def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_met
     """Return index.html, which opens offline; `y_metric` and `x_metric` are the first metrics of its chart.
     The page contains all numbers, also missing values and failed runs; pictures are files beside it. Its script is in
     sweep_page.html."""
-    facts = json.dumps(
-        _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
-    )
+    facts = _page_facts(folder, rows, y_metric, x_metric)
+    text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
     title = escape(f"{folder.preset.name}, {len(rows)} runs")
-    return (
-        template.replace("{{title}}", title)
-        .replace("{{style}}", page_style())
-        .replace("{{facts}}", facts.replace("</", "<\\/"))
-    )
+    return template.replace("{{title}}", title).replace("{{style}}", page_style()).replace("{{facts}}", text)
 
 
 def _page_facts(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> dict[str, Any]:

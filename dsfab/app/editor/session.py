@@ -308,7 +308,7 @@ def _same_model(draft: Design, earlier: Design) -> bool:
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    if draft.statics is not earlier.statics:  # a sketch may have rough statics
+    # a sketch may have rough statics
+    if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
-    mesh, earlier_mesh = StripedMesh.from_design(draft), StripedMesh.from_design(earlier)
-    return draft.diffusion is earlier.diffusion and mesh.is_same_mesh(earlier_mesh)
+    return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

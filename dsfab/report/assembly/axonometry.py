@@ -97,11 +97,9 @@ def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     for member in graph.members:
         if member.id in built:
             red, green, blue = (x / 255 for x in _member_colour(member, palette))
-            quads = (
-                _plank_quads(member, piece, stock.thickness, stock.depth)
-                if is_strip(member)
-                else _cell_quads(graph, member)
-            )
+            quads = _cell_quads(graph, member)
+            if is_strip(member):
+                quads = _plank_quads(member, piece, stock.thickness, stock.depth)
             faces.append(MemberFaces(member.id, (red, green, blue), quads))
     return faces
 
@@ -142,8 +140,7 @@ def _cell_quads(graph: MemberGraph, member: Member) -> Floats:
 def _strip_quads(member: Member, piece: float, height: float) -> Floats:
     axis = member.axis
     assert axis is not None
-    count = max(int(np.ceil(axis.length / piece)), 2)
-    s = np.linspace(0, axis.length, count + 1)
+    s = np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1)
     P, T, N = axis.frames_at(s)
     B = np.cross(N, T)
     left_side, right_side = (np.interp(s, axis.s, side)[:, None] for side in member.sides.T)

@@ -92,13 +92,8 @@ def _bar_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], 
 def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int | float]) -> None:
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     paper.text(corner, str(name), 6.5, bold=True)
-    shown = [
-        str(start_node),
-        str(end_node),
-        f"{bar_length:,.1f}",
-        *(f"{angle:z.1f}°" for angle in angles),
-        f"{bow:.1f}",
-    ]
+    angle_words = [f"{angle:z.1f}°" for angle in angles]
+    shown = [str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
     for place, words in zip(BAR_TABLE_PLACES[1:], shown, strict=True):
         paper.text((corner[0] + place, corner[1]), words, 6.5, side="left" if place < 50 else "right")
 
@@ -150,11 +145,8 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
         low, high = points.min(axis=0), points.max(axis=0)
         scale, scale_name = usual_scale(min(np.array([room.wide - 12, room.high - 12]) / (high - low)))
         fitted = DrawingTransform.fit_to_box(low, high, room, scale)
-        paper.text(
-            (PAGE.x, PAGE.y + PAGE.high - 4),
-            f"The plate before it is folded, and its bars, from outside, {scale_name}",
-            9,
-        )
+        title = f"The plate before it is folded, and its bars, from outside, {scale_name}"
+        paper.text((PAGE.x, PAGE.y + PAGE.high - 4), title, 9)
         paper.polylines([fitted.to_paper(bar) for bar in bars], QUIET, 0.5, closed=True)
         paper.polylines([fitted.to_paper(plate - middle)], INK, 0.8, closed=True)
         paper.polylines([fitted.to_paper(fold.line - middle) for fold in part.folds], RED, 0.6)
@@ -166,13 +158,10 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
             paper.text((x, y - 1), arm.bar, 9, side="middle", bold=True)
         right = PaperBox(PAGE.x + 0.62 * PAGE.wide, PAGE.y, 0.38 * PAGE.wide, PAGE.high)
         _arm_table(paper, right, arms)
-        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_fold_angle), ends_here)
+        steepest = max(arms, key=lambda arm: abs(arm.dip))
+        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, steepest, ends_here)
 
     return draw
-
-
-def _fold_angle(arm: PlateArm) -> float:
-    return abs(arm.dip)
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
@@ -243,10 +232,8 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, b
         if arm.bar not in bars:
             paper.polylines([fitted.to_paper(np.array([place - 4 * t * m, place + 4 * t * m]) @ turn)], RED, 0.6)
             continue
-        ends = np.array(
-            [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
-        )
-        paper.polylines([fitted.to_paper(ends)], RED, 0.6)
+        ends = [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
+        paper.polylines([fitted.to_paper(np.array(ends))], RED, 0.6)
     node = np.array([[0.0, -stock.lever - 6 * t], [0.0, half]]) @ turn
     paper.polylines([fitted.to_paper(node)], QUIET, 0.4)
     x, y = fitted.to_paper(node[1]).tolist()

@@ -49,6 +49,8 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
     longest = max(plan.parts, key=lambda part: part.size[0])
+    layering = plan.layering
+    joints = [("Nodes and splices with pins", f"{len(pins)}, holes of {length(layering.bolt)}")] if layering else []
     return [
         ("Model", f"1:{plan.model:g}"),
         ("Size over all", " x ".join(f"{x:.0f}" for x in size) + " mm"),
@@ -57,11 +59,7 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         *sheet_figures(plan, "Sheets of card"),
         ("Thickness of the card", length(plan.thickness)),
-        *(
-            [("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}")]
-            if plan.layering
-            else []
-        ),
+        *joints,
     ]
 
 
@@ -151,9 +149,7 @@ def _base_plate_drawing(paper: Paper, plates: list[FlatPart]) -> None:
         if part.slots:
             paper.polylines([fitted.to_paper(slot) for slot in part.slots], INK, 0.5, closed=True)
         paper.polylines([fitted.to_paper(part.outline)], INK, 0.7, closed=True)
-    words = (
-        f"{', '.join(part.id for part in plates[:6])}, {scale_name}: slots with the names of the parts that "
-        "stand in them"
-    )
+    names = ", ".join(part.id for part in plates[:6])
+    words = f"{names}, {scale_name}: slots with the names of the parts that stand in them"
     paper.text((room.x, PAGE.y + PAGE.high - 6), words, 8)
     paper.polylines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)

@@ -53,7 +53,7 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             thick = f" · {MM_PER_M * plan.part_thickness(part):g} mm" if plan.bars else ""
             holes = f"{len(part.holes)} hole{'' if len(part.holes) == 1 else 's'}" if part.holes else ""
             words = f"{holes}{thick} · sheet {sheets}".removeprefix(" · ")
-            paper.text((cell.x, cell.y + 0.6), _shortened(words, 64), 6, QUIET)
+            paper.text((cell.x, cell.y + 0.6), words if len(words) <= 64 else words[:61] + "...", 6, QUIET)
             room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
             half = part.size / 2
             middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
@@ -61,10 +61,6 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             paper.polylines([np.array([[cell.x, cell.y - 1.2], [cell.x + cell.wide, cell.y - 1.2]])], HAIR, 0.3)
 
     return draw
-
-
-def _shortened(words: str, limit: int) -> str:
-    return words if len(words) <= limit else words[: limit - 3] + "..."
 
 
 def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
@@ -81,30 +77,16 @@ def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
-    across, down = max(
-        ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4)),
-        key=lambda n: (
-            _largest_scale(n[0], n[1], wide, high) > legible,
-            min(n[0] * n[1], 6),
-            _largest_scale(n[0], n[1], wide, high),
-        ),
-    )
-    scale, scale_name = usual_scale(_largest_scale(across, down, wide, high))
+    grids = ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4))
+    scales = {(a, d): min((PAGE.wide / a - 6) / wide, (PAGE.high / d - 12) / high) for a, d in grids}
+    across, down = max(scales, key=lambda n: (scales[n] > legible, min(n[0] * n[1], 6), scales[n]))
+    scale, scale_name = usual_scale(scales[across, down])
     pages = []
     for k in range(0, len(plan.sheets), across * down):
-        sheets = plan.sheets[k : k + across * down]
-        cells = PAGE.cells(across, down, 5.0)
-        pages.append(
-            (
-                f"Sheets {k + 1} to {k + len(sheets)} of {len(plan.sheets)}, {scale_name}",
-                _nest_page(sheets, k, cells, scale),
-            )
-        )
+        sheets, cells = plan.sheets[k : k + across * down], PAGE.cells(across, down, 5.0)
+        title = f"Sheets {k + 1} to {k + len(sheets)} of {len(plan.sheets)}, {scale_name}"
+        pages.append((title, _nest_page(sheets, k, cells, scale)))
     return pages
-
-
-def _largest_scale(across: int, down: int, wide: float, high: float) -> float:
-    return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 
 def _nest_page(
@@ -145,14 +127,11 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
-    rows = node_table(plan).rows
-    pages = []
-    per_page = ROWS * COLUMNS
+    rows, pages, per_page = node_table(plan).rows, [], ROWS * COLUMNS
     for k in range(0, len(rows), per_page):
         page_rows = rows[k : k + per_page]
-        pages.append(
-            (f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", _node_page(page_rows, "on" if plan.layering else "with"))
-        )
+        page = _node_page(page_rows, "on" if plan.layering else "with")
+        pages.append((f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", page))
     return pages
 
 
@@ -175,9 +154,8 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
                 shown = "" if angle != angle else f"{angle:.1f}°"
                 for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in place_values)), strict=True):
                     paper.text((x + place, y), value, 6.5, side="right")
-        paper.text(
-            (PAGE.x, PAGE.y - 4), "Millimetres, on the middle surface; angles between the members there.", 7, QUIET
-        )
+        note = "Millimetres, on the middle surface; angles between the members there."
+        paper.text((PAGE.x, PAGE.y - 4), note, 7, QUIET)
 
     return draw
 
@@ -224,15 +202,10 @@ def _family_page(plan: WorkshopPlan, members: list[Member], scale: float) -> Cal
     def draw(paper: Paper) -> None:
         for k, member in enumerate(members):
             _member_row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
-        paper.text((PAGE.x, PAGE.y - 4), _family_note(plan), 7, QUIET)
+        note = BARS_NOTE if plan.bars else PLANKS_NOTE if plan.planks else SPLICED_NOTE
+        paper.text((PAGE.x, PAGE.y - 4), PANELS_NOTE if plan.route == "panels" else note, 7, QUIET)
 
     return draw
-
-
-def _family_note(plan: WorkshopPlan) -> str:
-    if plan.route == "panels":
-        return PANELS_NOTE
-    return BARS_NOTE if plan.bars else PLANKS_NOTE if plan.planks else SPLICED_NOTE
 
 
 def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
@@ -242,9 +215,8 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
     paper.text((PAGE.x, y + 13), member.id, 12, bold=True)
     paper.text((PAGE.x, y + 9), size, 7)
     covers = len(parts) - len(pieces)
-    words = count_phrase(len(pieces), "bar" if plan.bars else "piece") + (
-        f", {count_phrase(covers, 'cover')}" if covers else ""
-    )
+    words = count_phrase(len(pieces), "bar" if plan.bars else "piece")
+    words += f", {count_phrase(covers, 'cover')}" if covers else ""
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
     if pieces and plan.layering:
         paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)

@@ -51,11 +51,8 @@ def _force_scales(design: Design, names: list[str]) -> list[dict[str, Any]]:
 
 
 def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[str], digits: int) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": unit,
-        "values": [round(values[member], digits) if member in values else None for member in names],
-    }
+    listed = [round(values[member], digits) if member in values else None for member in names]
+    return {"name": name, "unit": unit, "values": listed}
 
 
 def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
@@ -127,19 +124,11 @@ def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
 def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
     if plan.bars:
         return []
-    piece = piece_length(faces)
-    return [
-        {
-            "id": strip.id,
-            "member": strip.member,
-            "faces": strip_quads(strip, piece, plan.planks is not None).round(3).ravel().tolist(),
-        }
-        for strip in refolded_plan(plan).strips
-    ]
-
-
-def _clicked_id(part: FlatPart, plan: WorkshopPlan) -> str:
-    return part.id if plan.bars else part.member
+    piece, parts = piece_length(faces), []
+    for strip in refolded_plan(plan).strips:
+        quads = strip_quads(strip, piece, plan.planks is not None)
+        parts.append({"id": strip.id, "member": strip.member, "faces": quads.round(3).ravel().tolist()})
+    return parts
 
 
 def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
@@ -149,8 +138,7 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
         name, start_node, end_node, _, bar_length, bar_width, _, dip, _, end_dip, twist, bow, _ = row
         words_by_name[str(name)] = (
             f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below its plate) to "
-            f"{end_node} ({end_dip:z.1f}); "
-            f"turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
+            f"{end_node} ({end_dip:z.1f}); turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
         )
     bars = plan.bars.bar_lattice.bars
     for joint in plan.bars.bar_lattice.joints:
@@ -171,7 +159,7 @@ def _part_facts(plan: WorkshopPlan, number: int, has_drawing: bool) -> dict[str,
     first_alike = next(group[0] for group in plan.equal_parts if number in group)
     return {
         "id": part.id,
-        "member": _clicked_id(part, plan),
+        "member": part.id if plan.bars else part.member,
         "size": (MM_PER_M * part.size).round(1).tolist(),
         "sheet": plan.sheet_numbers[part.id],
         "file": f"{file_stem(plan.parts[first_alike].id)}.dxf" if has_drawing else "",
@@ -201,11 +189,8 @@ def _sheet_facts(plan: WorkshopPlan) -> list[dict[str, Any]]:
         parts = []
         for placement in sheet.parts:
             c, s = np.cos(placement.turn), np.sin(placement.turn)
-            x, y = (
-                (MM_PER_M * (_box_middle(placement.part) @ np.array([[c, s], [-s, c]]) + placement.shift))
-                .round(2)
-                .tolist()
-            )
+            middle = _box_middle(placement.part) @ np.array([[c, s], [-s, c]]) + placement.shift
+            x, y = (MM_PER_M * middle).round(2).tolist()
             parts.append([number[placement.part.id], round(float(np.degrees(placement.turn)), 3), x, y])
         facts.append({"size": [MM_PER_M * x for x in sheet.size], "used": f"{sheet.used_share:.0%}", "parts": parts})
     return facts

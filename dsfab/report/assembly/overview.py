@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
+from dsfab.core.arrays import Bools, Floats
 from dsfab.core.units import MM_PER_M
 from dsfab.render import Nameplate, place_names
 from dsfab.report.assembly.axonometry import DRAWN_PIECES, Axonometry, MemberFaces, painted_faces
@@ -61,7 +61,7 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
     letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres, less for over 120 members
-    plates = [_nameplate(face, fitted.to_paper(view.projected(_name_places(face)))) for face in faces]
+    plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
     points = 1.38 * letter * 72 / 25.4
@@ -78,14 +78,11 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
         paper.scale_bar((PAGE.x, PAGE.y), fitted.scale)
 
 
-def _name_places(face: MemberFaces) -> Floats:
+def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) -> tuple[Floats, Bools]:
     middles = face.quads.mean(axis=1)
     order = np.abs(np.arange(len(middles)) - len(middles) / 2).argsort(kind="stable")
-    return np.asarray(middles[order[:: max(len(order) // 15, 1)]])
-
-
-def _nameplate(face: MemberFaces, places: Floats) -> Nameplate:
-    return Nameplate(face.id, (0, 0, 0), GRID_PER_MM * places, np.ones(len(places), dtype=bool))
+    places = fitted.to_paper(view.projected(middles[order[:: max(len(order) // 15, 1)]]))
+    return GRID_PER_MM * places, np.ones(len(places), dtype=bool)
 
 
 def refolded_pages(
@@ -115,20 +112,18 @@ def refolded_pages(
 
 def piece_length(faces: list[MemberFaces]) -> float:
     """Return the length of the straight pieces in the drawing of a curved part, metres."""
-    return (
-        float(np.linalg.norm(np.ptp(np.concatenate([face.quads.reshape(-1, 3) for face in faces]), axis=0)))
-        / DRAWN_PIECES
-    )
+    corners = np.concatenate([face.quads.reshape(-1, 3) for face in faces])
+    return float(np.linalg.norm(np.ptp(corners, axis=0))) / DRAWN_PIECES
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
     """Return a strip as quads (q, 4, 3) about `piece` metres long; a strip with slots has quads between all its
     corners."""
-    length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
-    count = max(int(np.ceil(length / piece)), 1)
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
+        length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
+        count = max(int(np.ceil(length / piece)), 1)
         rows = strip.edges[np.unique(np.linspace(0, len(strip.edges) - 1, count + 1).round().astype(int))]
     right_edge, left_edge = rows[:, 0], rows[:, 1]
     return np.stack([right_edge[:-1], right_edge[1:], left_edge[1:], left_edge[:-1]], axis=1)

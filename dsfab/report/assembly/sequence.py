@@ -73,7 +73,9 @@ def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
 def _ordered_steps(
     graph: MemberGraph, up: Floats, numbers: Callable[[Member], tuple[int, ...]]
 ) -> tuple[AssemblyStep, ...]:
-    heights = _heights(graph, up)
+    surface = graph.sheet.surface
+    z = surface.V @ up
+    heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
     level = 0.02  # share of the height; members of one level are sorted by name
     entries = [
@@ -90,12 +92,6 @@ def _ordered_steps(
     return tuple(steps)
 
 
-def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
-    surface = graph.sheet.surface
-    z = surface.V @ up
-    return {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
-
-
 ACROSS, DOWN = 3, 2  # Columns and rows of steps on a page.
 STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps have assembled.
 
@@ -104,14 +100,11 @@ def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
     """Return pages with the rule and a picture of each step: new members in colour, earlier members in grey."""
-    per_page = ACROSS * DOWN
-    return [
-        (
-            f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}",
-            _steps_page(steps, k, faces, (up, rule)),
-        )
-        for k in range(0, len(steps), per_page)
-    ]
+    pages, per_page = [], ACROSS * DOWN
+    for k in range(0, len(steps), per_page):
+        title = f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}"
+        pages.append((title, _steps_page(steps, k, faces, (up, rule))))
+    return pages
 
 
 def _steps_page(

@@ -5,7 +5,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -69,7 +69,9 @@ def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mappin
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
     with mpl.rc_context(settings):
-        _save(chart_figure(rows, title, names), path)
+        figure = chart_figure(rows, title, names)
+        figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
 def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
@@ -87,11 +89,6 @@ def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str]
     return figure
 
 
-def _save(figure: "Figure", path: Path) -> None:
-    figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
-
-
 def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapping[str, str]) -> None:
     full = next(row for row in rows if row["name"] == "full")
     unit, scale = ("t", 1e-3) if full["mass_kg"] >= 1000 else ("kg", 1.0)
@@ -105,12 +102,9 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
-            low, high = (
-                [_ratio_to_full_sheet(row, f"variants_{key}") for row in competitor_rows] for key in ("best", "worst")
-            )
-            axes.fill_between(
-                mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
-            )
+            keys, label = ("variants_best", "variants_worst"), "isotropic, all pairs that carry"
+            low, high = ([_ratio_to_full_sheet(row, key) for row in competitor_rows] for key in keys)
+            axes.fill_between(mass, low, high, color=colour, alpha=0.13, linewidth=0, label=label)
     axes.set_yscale("log")
     for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
@@ -118,14 +112,11 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
     axes.set_ylabel("compliance over that of the full sheet")
     if title:
         axes.set_title(title, fontsize=11, loc="left")
-    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / full_mass), partial(_times, full_mass / 100)))
+    to_share, to_mass = 100 / full_mass, full_mass / 100
+    share = axes.secondary_xaxis("top", functions=(lambda mass: to_share * mass, lambda share: to_mass * share))
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _times(factor: float, x: Any) -> Any:
-    return factor * x
 
 
 def _ratio_to_full_sheet(row: ResultRow, key: str) -> float:
@@ -163,8 +154,7 @@ def lettering(**settings_of_chart: Any) -> Iterator[None]:
 
     # matplotlib warns of a missing font, but the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
-    settings: dict[Any, Any] = {**FONT, **settings_of_chart}
-    with mpl.rc_context(settings):
+    with mpl.rc_context({**FONT, **settings_of_chart}):
         yield
 
 
@@ -176,11 +166,8 @@ def _bar_figure(findings: Findings) -> "Figure":
     figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(competitors)), layout="constrained")
     axes = figure.add_subplot()
     values = [competitor.compliance / factor for competitor in competitors]
-    bounds = [
-        value * (competitor.judgement.bound or 0.0)
-        for competitor, value in zip(competitors, values, strict=True)
-        if competitor.judgement
-    ]
+    judgements = [competitor.judgement for competitor in competitors if competitor.judgement]
+    bounds = [value * (judgement.bound or 0.0) for value, judgement in zip(values, judgements, strict=True)]
     colours = [STYLES.get(competitor.name, ("#b9bec5", "", ""))[0] for competitor in competitors]
     axes.barh(range(len(competitors)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
     longest = max(value + bound for value, bound in zip(values, bounds, strict=True))
@@ -238,12 +225,10 @@ class FindingsPictures:
     def all_material(self, caption: str, width: float) -> ReportFigure:
         """Draw all material of the pattern with its loads and supports, and parts that reach no support in red."""
         structure, task = self.findings.structure, self.findings.task
-        sheet = structure.material
-        face_family = np.where(kept_cells(sheet, structure.sheet), -1, 0)
-        red = replace(WHITE, families=(RED,))
-        return self._figure(
-            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, face_family
-        )
+        family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
+        red, material = replace(WHITE, families=(RED,)), structure.material.surface
+        load = task.statics.load
+        return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
         """Draw the uncut surface with the loads and supports of a case; side_by_side : whether a second picture

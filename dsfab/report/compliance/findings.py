@@ -219,11 +219,9 @@ class Findings:
         """Return the cases and combinations that get a figure; of combinations by a standard only the decisive
         cases."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
-        decisive_names = (
-            {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
-            if self.carries
-            else set()
-        )
+        decisive_names = set[str]()
+        if self.carries:
+            decisive_names = {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
         return [name for name in names if name not in standard_names or name in decisive_names]
 
     def _case_suffix(self, answer: str) -> str:
@@ -247,29 +245,19 @@ class Findings:
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
-        lines = [
-            self._support_check(),
-            self._compliance_check(),
-            self._theory_check(),
-            self._balance_check(),
-            self._member_check(),
-            self._facet_check(),
-        ]
-        return [
-            line for line in (*lines, self._strength_check(), self._buckling_check(), self._frequency_line()) if line
-        ]
+        knowledge = (self._support_check(), self._compliance_check(), self._theory_check(), self._balance_check())
+        mesh = (self._member_check(), self._facet_check())
+        limits = (self._strength_check(), self._buckling_check(), self._frequency_line())
+        return [line for line in (*knowledge, *mesh, *limits) if line]
 
     def _support_check(self) -> CheckLine:
         loose = self.design.loose
         loose_words = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
         words = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{loose_words}"
-        failed = self.judgement.verdict == "fail"
-        return CheckLine(
-            "Every load reaches a support",
-            "fail" if failed else "pass",
-            self.judgement.reason if failed else words,
-            "loads on pieces that a support holds",
-        )
+        status: Status = "pass"
+        if self.judgement.verdict == "fail":
+            status, words = "fail", self.judgement.reason
+        return CheckLine("Every load reaches a support", status, words, "loads on pieces that a support holds")
 
     def _compliance_check(self) -> CheckLine:
         check = self.judgement.check
@@ -282,47 +270,37 @@ class Findings:
         theory = self.judgement.theory
         if theory is None:
             return None
+        mark: Mark = "pass" if theory <= CONVERGED else "note"
         words = f"a solid of it is up to {percent(theory)} softer"
-        return CheckLine(
-            "Within thin-shell theory", "pass" if theory <= CONVERGED else "note", words, percent(CONVERGED)
-        )
+        return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def _balance_check(self) -> CheckLine:
         cases = self.judgement.cases.values()
         imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judgement.check:
             residual = max(residual, *(level.residual for level in self.judgement.check.levels))
-        return CheckLine(
-            "Reactions balance the loads",
-            "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail",
-            f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}",
-            f"{BALANCE:.0e}; {RESIDUAL:.0e}",
-        )
+        status: Status = "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail"
+        words = f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}"
+        return CheckLine("Reactions balance the loads", status, words, f"{BALANCE:.0e}; {RESIDUAL:.0e}")
 
     def _member_check(self) -> CheckLine | None:
         check = self.judgement.check
         if check is None or not math.isfinite(check.per_member):
             return None
-        is_fine = check.per_member >= estimates.LEAST_EDGES_PER_MEMBER
+        least = estimates.LEAST_EDGES_PER_MEMBER
+        mark: Mark = "pass"
         words = f"{check.per_member:.2g} edges of the uncut mesh across a member"
-        remark = "" if is_fine else "; the outline is coarse, the structure as drawn is what was checked"
-        return CheckLine(
-            "Outline of the members",
-            "pass" if is_fine else "note",
-            words + remark,
-            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more",
-        )
+        if check.per_member < least:
+            mark, words = "note", words + "; the outline is coarse, the structure as drawn is what was checked"
+        return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
 
     def _facet_check(self) -> CheckLine | None:
         check = self.judgement.check
         if check is None or check.facets == 0:
             return None
-        return CheckLine(
-            "Flat faces for the curved surface",
-            "pass" if check.facets <= FACETS else "note",
-            f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
-            f"{FACETS:g} or less",
-        )
+        mark: Mark = "pass" if check.facets <= FACETS else "note"
+        words = f"L<sup>2</sup> / (R h) = {check.facets:.2g}"
+        return CheckLine("Flat faces for the curved surface", mark, words, f"{FACETS:g} or less")
 
     def _strength_check(self) -> CheckLine | None:
         cases = self.task.preset.judged_in("ULS", self.judgement.cases)
@@ -333,9 +311,8 @@ class Findings:
         status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
         where = f"further than a rib's width from corners{self._case_suffix('stress')}"
         words = f"{usual_share:.0%} on 99 % of the area, {interior_share:.0%} {where}"
-        return CheckLine(
-            "Stress against the strength", status, words, quantity(self.task.preset.statics.strength, "Pa")
-        )
+        strength = quantity(self.task.preset.statics.strength, "Pa")
+        return CheckLine("Stress against the strength", status, words, strength)
 
     def _buckling_check(self) -> CheckLine | None:
         case = self.decisive_case("buckling")[1]
@@ -344,10 +321,9 @@ class Findings:
             return None
         low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
-        words = (
-            f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){self._case_suffix('buckling')}"
-        )
-        return CheckLine("Buckling", status, f"{words}{self._assumption_suffix()}", f"{SAFE_BUCKLING_FACTOR:g} or more")
+        suffix = self._case_suffix("buckling") + self._assumption_suffix()
+        words = f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){suffix}"
+        return CheckLine("Buckling", status, words, f"{SAFE_BUCKLING_FACTOR:g} or more")
 
     def _frequency_line(self) -> CheckLine | None:
         case = next((case for case in self.judgement.cases.values() if case.frequency is not None), None)
@@ -378,11 +354,8 @@ class Findings:
     @property
     def size_words(self) -> str:
         """Mass, share of the surface, and thickness, as text."""
-        design = self.design
-        return (
-            f"{mass(design.mass)}, {share_words(design.area_fraction)} of the surface, "
-            f"{length_or_na(design.thickness)} thick"
-        )
+        share, thickness = share_words(self.design.area_fraction), length_or_na(self.design.thickness)
+        return f"{mass(self.design.mass)}, {share} of the surface, {thickness} thick"
 
 
 def _severity(case: CaseResponse, answer: str) -> float:

@@ -39,29 +39,18 @@ def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) 
 
 def key_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Return the key results of the first page."""
-    (moving_case, moving), (stressed_case, stressed) = (
-        findings.decisive_case("displacement"),
-        findings.decisive_case("stress"),
-    )
+    moving_case, moving = findings.decisive_case("displacement")
+    stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
+    move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
+    stress_words = f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}{stress_case}"
+    move_words = f"at {point_words(moving.displacement.place)}{move_case}"
+    compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")
     rows = [
         ("Mass", mass(findings.design.mass), f"{share_words(findings.design.area_fraction)} of the surface kept"),
-        (
-            "Compliance",
-            within(findings.judgement.compliance, findings.judgement.bound, "J"),
-            _full_sheet_ratio(findings),
-        ),
-        (
-            "Largest displacement",
-            length_or_na(moving.displacement.value),
-            f"at {point_words(moving.displacement.place)}{f', {escaped_text(moving_case)}' if several else ''}",
-        ),
-        (
-            "Von Mises stress",
-            quantity(stressed.stress.quantile, "Pa"),
-            f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}"
-            + (f", {escaped_text(stressed_case)}" if several else ""),
-        ),
+        ("Compliance", compliance, _full_sheet_ratio(findings)),
+        ("Largest displacement", length_or_na(moving.displacement.value), move_words),
+        ("Von Mises stress", quantity(stressed.stress.quantile, "Pa"), stress_words),
     ]
     if several:
         rows.insert(0, ("Governing load case", escaped_text(findings.cases[0]), f"of {len(findings.cases)}"))
@@ -121,18 +110,15 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
 
 
 def _opening_range(family: FamilyQuality) -> str:
-    return (
-        f"{length_or_na(family.opening[0])} to {length_or_na(family.opening[2])}" if family.opening[2] > 0 else "none"
-    )
+    low, _, high = family.opening
+    return f"{length_or_na(low)} to {length_or_na(high)}" if high > 0 else "none"
 
 
 def _kept_words(design: Competitor, sheet: Surface | None) -> str:
     if sheet is None:
         return "nothing: see the verdict"
-    return (
-        f"{significant_digits(sheet.area)} m² ({share_words(design.area_fraction)}), in "
-        f"{count_phrase(design.pieces, 'piece')}"
-    )
+    share, pieces = share_words(design.area_fraction), count_phrase(design.pieces, "piece")
+    return f"{significant_digits(sheet.area)} m² ({share}), in {pieces}"
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
@@ -271,19 +257,8 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
         "Level 1 is the mesh as it is cut, each further one has four triangles for one, new points on the smooth "
         "surface. The spread of the pairs is that of level 1. ZZ: recovery error. Memory of the whole process."
     )
-    head = (
-        "Level",
-        "Triangles",
-        "Unknowns",
-        f"{elements_of('compliance')}, {unit}",
-        f"{elements_of('spread')}, {unit}",
-        "Spread",
-        "ZZ memb.",
-        "ZZ bend.",
-        "Residual",
-        "s",
-        "GB",
-    )
+    pairs = (f"{elements_of(use)}, {unit}" for use in ("compliance", "spread"))
+    head = ("Level", "Triangles", "Unknowns", *pairs, "Spread", "ZZ memb.", "ZZ bend.", "Residual", "s", "GB")
     caption = f"Compliance mesh after mesh{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
     return Table(number.table(caption), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
 
@@ -294,12 +269,11 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
     for name in findings.cases:
         case = findings.judgement.cases[name]
         value = check.case(name) if check else None
+        compliance, bound = (value.value, value.bound) if value else (case.compliance, findings.judgement.bound)
         rows.append(
             (
                 escaped_text(name),
-                within(value.value, value.bound, "J")
-                if value
-                else within(case.compliance, findings.judgement.bound, "J"),
+                within(compliance, bound, "J"),
                 value.status if value else "unknown",
                 length_or_na(case.displacement.value),
                 quantity(case.stress.quantile, "Pa"),
@@ -309,28 +283,21 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
         )
     head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
     note = "Stress: what 99 % of the area does not exceed, of the top, the middle and the bottom of the sheet."
-    return Table(
-        number.table("Load cases, the governing one first."), head, rows, 1, note, (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
-    )
+    widths = (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
+    return Table(number.table("Load cases, the governing one first."), head, rows, 1, note, widths)
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
     """Return the largest stresses and their places, in the case that decides the stress."""
     name, case = findings.decisive_case("stress")
-    rows = [
-        (
-            label,
-            quantity(extreme.quantile, "Pa"),
-            quantity(extreme.settled, "Pa"),
-            quantity(extreme.value, "Pa"),
-            point_words(extreme.place),
-        )
-        for label, extreme in (
-            ("von Mises", case.stress),
-            ("Largest principal (tension)", case.tension),
-            ("Smallest principal (compression)", case.compression),
-        )
-    ]
+    rows = []
+    for label, extreme in (
+        ("von Mises", case.stress),
+        ("Largest principal (tension)", case.tension),
+        ("Smallest principal (compression)", case.compression),
+    ):
+        values = (quantity(value, "Pa") for value in (extreme.quantile, extreme.settled, extreme.value))
+        rows.append((label, *values, point_words(extreme.place)))
     head = ("Stress", "99 % of the area", "Off corners by a rib's width", "This mesh shows", "At")
     note = (
         "At corners that bend inwards and where supports end, the peak is not a number: it is infinite, and what a "
@@ -413,12 +380,8 @@ def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
         rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
-    levels = {
-        competitor.judgement.level
-        for _, compared in findings.volumes
-        for competitor in compared.competitors
-        if competitor.judgement
-    }
+    competitors = [competitor for _, compared in findings.volumes for competitor in compared.competitors]
+    levels = {competitor.judgement.level for competitor in competitors if competitor.judgement}
     level_note = {
         frozenset(("full",)): "Judged by full checks.",
         frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",

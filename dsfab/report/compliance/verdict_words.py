@@ -25,9 +25,9 @@ def verdict_banner(findings: Findings) -> Banner:
     """Return the banner with the verdict on the structure itself."""
     missed = [check for check in findings.checks if check.status == findings.status != "pass"]
     if not findings.carries:
-        return Banner(
-            "fail", "Fail: the structure does not carry its loads", f"{_capitalised_markup(findings.design.error)}."
-        )
+        error = findings.design.error
+        text = escaped_text(error[0].upper() + error[1:])
+        return Banner("fail", "Fail: the structure does not carry its loads", f"{text}.")
     if findings.status == "fail":
         text = " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
         return Banner("fail", f"Fail: {enumeration([check.name.lower() for check in missed])}", text)
@@ -62,9 +62,7 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 def comparison_sentences(findings: Findings) -> list[str]:
     """Return a sentence for each competitor: how much stiffer or softer the design is."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
-    if not lines:
-        lines = ["It was compared with no other structure."]
-    return lines
+    return lines or ["It was compared with no other structure."]
 
 
 def _rival_sentence(findings: Findings, rival: Competitor) -> str:
@@ -73,10 +71,9 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
     if rival.judgement is None:
         return f"No structure was found for <b>{label}</b>: {escaped_text(first_reason(rival.error))}."
     if not findings.carries:
-        ratio = (
-            f"{significant_digits(rival.compliance / findings.compared.full.compliance)} times that of the whole sheet"
-        )
-        return f"Of the same mass, <b>{label}</b> would carry the loads; compliance {ratio}."
+        ratio = significant_digits(rival.compliance / findings.compared.full.compliance)
+        words = f"compliance {ratio} times that of the whole sheet"
+        return f"Of the same mass, <b>{label}</b> would carry the loads; {words}."
     low, middle, high = findings.stiffness_ratio(rival)
     if rival.name == "thinner":
         return _thinner_sentence(findings, rival)
@@ -87,10 +84,6 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
     if high < 1:
         return f"{opening_words} <b>softer</b>: {range_words(low, middle, high)} times as stiff."
     return f"{opening_words} {range_words(low, middle, high)} times as stiff: too close to call within what is known."
-
-
-def _capitalised_markup(error: str) -> str:
-    return escaped_text(error[0].upper() + error[1:])
 
 
 def first_reason(error: str) -> str:
@@ -108,12 +101,8 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping {kept_share} of the surface does not pay in stiffness here; "
             "openings have to be wanted for other reasons, such as light, air, or a thickness that cannot be had."
         )
-    if low > 1:
-        return (
-            f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: "
-            "concentrating material pays."
-        )
-    return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: too close to call."
+    verdict = "concentrating material pays" if low > 1 else "too close to call"
+    return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: {verdict}."
 
 
 def thinner_sheet_words(findings: Findings) -> str:
@@ -129,16 +118,14 @@ def thinner_sheet_words(findings: Findings) -> str:
     open_shares = [share for share, _, _ in pairs if share not in (*lost, *won)]
     lines = []
     if lost:
-        lines.append(
-            f"<b>At {enumeration(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>"
-        )
+        shares = f"{enumeration(lost)} of the material"
+        lines.append(f"<b>At {shares} a thinner whole sheet of the same mass is stiffer.</b>")
     if won:
         where = "every share that was tried" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
-        lines.append(
-            f"At {enumeration(open_shares)} design and thinner sheet are too close to call within their bounds."
-        )
+        shares = enumeration(open_shares)
+        lines.append(f"At {shares} design and thinner sheet are too close to call within their bounds.")
     return " ".join(lines)
 
 
@@ -156,8 +143,7 @@ def verdict_line(findings: Findings) -> str:
         return "fail: the design does not carry its loads"  # the printed table has the reason
     words = within(findings.judgement.compliance, findings.judgement.bound, "J")
     missed_check = next((check for check in findings.checks if check.status == findings.status != "pass"), None)
-    is_known = missed_check is None or missed_check.name == "Compliance is known"
-    reason = (
-        findings.judgement.reason if is_known or missed_check is None else f"{missed_check.name}: {missed_check.result}"
-    )
+    reason = findings.judgement.reason
+    if missed_check is not None and missed_check.name != "Compliance is known":
+        reason = f"{missed_check.name}: {missed_check.result}"
     return f"{findings.status}: compliance {words}, {mass(findings.design.mass)}; {without_markup(reason)}"

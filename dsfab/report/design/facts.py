@@ -72,10 +72,8 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
     """Return two keys of `design.json`: `loses_to`, a sentence or '', and `alternatives`, the numbers behind it."""
-    return {
-        "loses_to": losing_line(alternatives),
-        "alternatives": [alternative.record() for alternative in alternatives],
-    }
+    records = [alternative.record() for alternative in alternatives]
+    return {"loses_to": losing_line(alternatives), "alternatives": records}
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
@@ -87,9 +85,8 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
         return f"beside {subject}: there is none that carries the loads"
-    verdict = (
-        "does not carry its loads" if alternative["over"] is None else f"has {alternative['over']:.3g} x its compliance"
-    )
+    over = alternative["over"]
+    verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
     return f"beside {subject}: the design {verdict} ({alternative['level']})"
 
 
@@ -147,10 +144,7 @@ def design_facts(
         "thickening": {"side": design.preset.thickening.side, **asdict(design.solid.repairs)},
         "files": files,
         "refused": refused,
-        "warnings": [
-            *(f"{note.stage}: {note.text}" for note in design.notes),
-            *(f"export: {text}" for text in export_notes),
-        ],
+        "warnings": [f"{note.stage}: {note.text}" for note in design.notes] + [f"export: {x}" for x in export_notes],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
     }

@@ -163,14 +163,13 @@ MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
     """Return measures and limits of fabrication for `design.json`, metres; None for a feature that the design lacks."""
     features, wall = measures.features, measures.wall
+    wall_facts = wall and {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"}
     return {
         "thickness_m": measures.thickness,
         "smallest_member": _feature_facts(features.member),
         "smallest_gap": _feature_facts(features.gap),
         "smallest_edge": _feature_facts(features.edge),
-        "thinnest_wall": None
-        if wall is None
-        else {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"},
+        "thinnest_wall": wall_facts,
         "member_widths": _width_facts(features),
         "size_m": measures.box.tolist(),
         "pieces": [
@@ -243,20 +242,13 @@ def _is_limit_of_preset(check: Mapping[str, Any]) -> bool:
 
 def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
     thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _is_limit_of_preset(c)}
-    unlimited = {
-        key: facts[MEASURED_KEY[key]]
-        for key in ("min_gap", "min_member")
-        if facts[MEASURED_KEY[key]] and key not in limits
-    }
-    narrow = {key: v for key, v in unlimited.items() if v["m"] < thickness}
+    measured = {key: facts[MEASURED_KEY[key]] for key in ("min_gap", "min_member") if key not in limits}
+    narrow = {key: v for key, v in measured.items() if v and v["m"] < thickness}
     if narrow:
         places = (f"{v['what']} of {length(v['m'])} at {_point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
-        yield (
-            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {missing_limits} "
-            "and build "
-            "with --fix where that cannot be made"
-        )
+        words = f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}"
+        yield f"{words}; set {missing_limits} and build with --fix where that cannot be made"
 
 
 def _touched_words(piece: Mapping[str, Any]) -> str:

@@ -20,7 +20,7 @@ from dsfab.preset.model import Preset
 from dsfab.report.design.facts import alternative_facts, design_facts
 from dsfab.report.design.inspection import fabrication_facts, quality_facts
 from dsfab.study import design_alternatives, is_searched, require_fit
-from dsfab.study.fabrication import FabricationMeasures, fabrication
+from dsfab.study.fabrication import fabrication
 from dsfab.thickening import SplitBodies, parts
 
 MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
@@ -86,7 +86,9 @@ def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> d
         progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
         measured |= alternative_facts(design_alternatives(design))
     if marks:
-        _draw_marks(design, measures, marks)
+        from dsfab.render.fabrication import write_workshop_picture
+
+        write_workshop_picture(marks, design, measures, MARKED_PICTURE)
     return measured
 
 
@@ -110,15 +112,11 @@ def _picture_meanwhile(design: Design, path: Path, progress: Progress) -> Iterat
 
 def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Preset) -> None:
     write(design.sheet.surface, build_folder / "sheet.ply")
-    _copy_mesh(preset, folder, build_folder)
-    write_archive(design, build_folder, preset)
-    (build_folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
-
-
-def _copy_mesh(preset: Preset, folder: Path, build_folder: Path) -> None:
     name = getattr(preset.surface, "file", None)
     if name is not None and not name.is_absolute() and (folder / name).is_file() and not (build_folder / name).exists():
         shutil.copy2(folder / name, build_folder / name)
+    write_archive(design, build_folder, preset)
+    (build_folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
 
 
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
@@ -140,12 +138,8 @@ def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Ca
                 slow_names.append(f"{design.preset.name}.{suffix}")
                 files_by_suffix[suffix] = _write_format(design, folder, suffix, progress)
         slow_names.clear()
-    all_files = _WrittenFiles(
-        *(
-            [text for suffix in suffixes for text in files_by_suffix[suffix][k]]
-            for k in range(len(_WrittenFiles._fields))
-        )
-    )
+    fields = range(len(_WrittenFiles._fields))
+    all_files = _WrittenFiles(*([text for suffix in suffixes for text in files_by_suffix[suffix][k]] for k in fields))
     return all_files._replace(notes=merged_notes({suffix: files_by_suffix[suffix].notes for suffix in suffixes}))
 
 
@@ -180,9 +174,3 @@ def _write_part_files(design: Design, folder: Path) -> Iterator[str]:
         return
     for number, part in enumerate(parts(design.solid), 1):
         yield write(part, folder / f"{design.preset.name}_{number}.stl").name
-
-
-def _draw_marks(design: Design, measures: FabricationMeasures, path: Path) -> None:
-    from dsfab.render.fabrication import write_workshop_picture
-
-    write_workshop_picture(path, design, measures, MARKED_PICTURE)

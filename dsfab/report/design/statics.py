@@ -53,11 +53,11 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     questions = design.preset.statics.analyses
-    return design.cached_result(
-        "statics",
-        "mode_intervals",
-        lambda: mode_intervals(LoadedSurface.from_design(design), whole_sheet(design.surface), questions, BUDGET),
-    )
+
+    def intervals() -> "ModeIntervals":
+        return mode_intervals(LoadedSurface.from_design(design), whole_sheet(design.surface), questions, BUDGET)
+
+    return design.cached_result("statics", "mode_intervals", intervals)
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
@@ -66,13 +66,8 @@ def mode_facts(design: "Design") -> dict[str, Any]:
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
-    facts: dict[str, Any] = {
-        "buckling": {
-            name: {"factor": interval.value, "bound": interval.finite_bound}
-            for name, interval in intervals.buckling.items()
-        },
-        "triangles": [level.triangles for level in intervals.levels],
-    }
+    buckling = {name: {"factor": x.value, "bound": x.finite_bound} for name, x in intervals.buckling.items()}
+    facts: dict[str, Any] = {"buckling": buckling, "triangles": [level.triangles for level in intervals.levels]}
     if intervals.hertz:
         facts["frequency"] = {"hertz": intervals.hertz.value, "bound": intervals.hertz.finite_bound}
     remarks = {"assumed": intervals.assumed, "refusals": list(intervals.refusals)}
@@ -106,16 +101,12 @@ def answer_lines(design: "Design") -> list[str]:
     worst = max(answers, key=lambda name: answers[name].stress.peak.stress)
     if answers[worst].elements.bending != "hinge":
         lines.append(_largest_stress_line(design, answers[worst], under[worst]))
-    factors = {
-        name: a.buckling.factor for name, a in answers.items() if a.buckling is not None and len(a.buckling.factor)
-    }
-    if factors:
+    buckled = {name: answer.buckling for name, answer in answers.items() if answer.buckling is not None}
+    if factors := {name: buckling.factor for name, buckling in buckled.items() if len(buckling.factor)}:
         worst = min(factors, key=lambda name: float(factors[name][0]))
         listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
-        lines.append(
-            f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
-            "to a half)"
-        )
+        caution = "(linear, perfect shape; real shells at a fifth to a half)"
+        lines.append(f"uncut sheet{under[worst]}: buckles at {listed} x the load {caution}")
     if (vibration := answers[worst].vibration) is not None:
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
@@ -202,10 +193,8 @@ def case_lines(design: "Design") -> list[str]:
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()
-        return [
-            f"uncut sheet: {_stiffness_words(case.equilibrium)}",
-            _balance_words(design, case.load, case.equilibrium),
-        ]
+        stiffness = f"uncut sheet: {_stiffness_words(case.equilibrium)}"
+        return [stiffness, _balance_words(design, case.load, case.equilibrium)]
     followed, rule = design.preset.followed_weights, design.preset.surface.combinations
     governing = _governing_combinations(design) if rule else {}
     standard_names = {combination.name for combination in design.preset.surface.standard_sums}
@@ -217,11 +206,8 @@ def case_lines(design: "Design") -> list[str]:
     ]
     if rule:
         governing_words = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
-        return [
-            *lines,
-            f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together; "
-            f"{governing_words}",
-        ]
+        words = f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together"
+        return [*lines, f"{words}; {governing_words}"]
     return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
 
 

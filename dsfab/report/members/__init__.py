@@ -1,7 +1,7 @@
 """The report on members: section forces, and utilisation by the Eurocode of the material."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,6 @@ from dsfab.members.frame import COMPONENTS
 from dsfab.preset.file import preset_toml
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page
-from dsfab.report.compliance import tables
 from dsfab.report.compliance.figures import (
     BANDS,
     SIZE,
@@ -29,13 +28,13 @@ from dsfab.report.compliance.figures import (
     without_empty_rows,
 )
 from dsfab.report.compliance.findings import length_or_na, percent, prefixed_unit, round_number_above
+from dsfab.report.compliance.sections import reproduction_section
 from dsfab.report.design.facts import versions
 from dsfab.report.html_pages import (
     Banner,
     Block,
     Bullets,
     CaptionNumbers,
-    Code,
     ColourScale,
     Document,
     Paragraph,
@@ -137,11 +136,10 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     )
     scale = ColourScale("utilisation: 100 % is full", band_colours(count), labels)
     try:
-        pixels = without_empty_rows(
-            rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE), WHITE.paper
-        )
+        pixels = rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE)
     except DsfabError as error:
         return ReportFigure(caption, b"", SIZE, missing=f"no picture: {error}")
+    pixels = without_empty_rows(pixels, WHITE.paper)
     return ReportFigure(caption, jpeg(pixels), (pixels.shape[1], pixels.shape[0]), 0.86, scale)
 
 
@@ -151,10 +149,8 @@ def bay_values(design: Design) -> Floats:
     graph, utilisation = design.members, design.member_utilisation
     value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
-        member, bays = (
-            graph.by_id[name],
-            [k for k, bay_member in enumerate(utilisation.bays.member) if bay_member == name],
-        )
+        member = graph.by_id[name]
+        bays = [k for k, bay_member in enumerate(utilisation.bays.member) if bay_member == name]
         assert member.axis is not None
         s = np.array([np.linspace(utilisation.bays.s[k, 0], utilisation.bays.s[k, -1], samples) for k in bays]).ravel()
         P = member.axis.frames_at(s % member.axis.length if member.axis.closed else s)[0]
@@ -165,9 +161,8 @@ def bay_values(design: Design) -> Floats:
 
 def worst_member_words(utilisation: Utilisation) -> str:
     """Return the most used member with its utilisation, for example 'B10, 63 %'."""
-    return (
-        f"{utilisation.bays.member[utilisation.order[0]]}, {percent(float(utilisation.largest[utilisation.order[0]]))}"
-    )
+    worst = utilisation.order[0]
+    return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
 
 def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
@@ -181,19 +176,12 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure, number: Cap
         status = "pass" if utilisation.combined else "unknown"
         title = f"Each of {len(utilisation.by_member)} members bears less than it can"
         title += "" if utilisation.combined else ", of loads without partial factors"
-    blocks: list[Block] = [
-        Banner(
-            status,
-            title,
-            escaped_text(f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"),
-        ),
-        Paragraph(
-            "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
-            "whole, are not checked here: see what was not checked."
-        ),
-        picture,
-    ]
-    return ReportSection("Summary", blocks)
+    text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
+    words = (
+        "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
+        "whole, are not checked here: see what was not checked."
+    )
+    return ReportSection("Summary", [Banner(status, title, escaped_text(text)), Paragraph(words), picture])
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
@@ -238,9 +226,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
-    case_note = (
-        "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
-    )
+    case_note = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " * several
     figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
@@ -284,29 +270,11 @@ def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportS
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
-    rows = [_table_row(columns, row) for row in range(third)]
+    rows = [[cell for column in columns for cell in (column[k] if k < len(column) else ("", ""))] for k in range(third)]
     rest_words = f" {len(ranked) - limit} more are in member_utilisation.csv." if len(ranked) > limit else ""
     caption = number.table("All members with bays between nodes, the largest of each." + rest_words)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
-
-
-def _table_row(columns: Sequence[Sequence[tuple[str, str]]], row_number: int) -> list[str]:
-    return [cell for column in columns for cell in (column[row_number] if row_number < len(column) else ("", ""))]
-
-
-def reproduction_section(
-    design: Design, command: str, library_versions: Mapping[str, str], number: CaptionNumbers
-) -> ReportSection:
-    """Return command, versions and preset of the report."""
-    blocks: list[Block] = [
-        Paragraph("Made by this command, with the preset below and these versions:"),
-        Code(command),
-        tables.versions_table(library_versions, number),
-        Paragraph("The preset in full, with every value that was left out:"),
-        Code(preset_toml(design.resolved_preset, for_people=True)),
-    ]
-    return ReportSection("Making it again", blocks, own_page=True)
 
 
 FILES = ("report.html", "report.pdf")
@@ -330,12 +298,11 @@ def member_report(design: Design, command: str) -> Document:
         checks_section(utilisation, number),
         scope_section(utilisation),
         members_section(utilisation, number),
-        reproduction_section(design, command, library_versions, number),
+        reproduction_section(command, library_versions, preset_toml(design.resolved_preset, for_people=True), number),
     ]
     footer = f"Made by dsfab {library_versions['dsfab']}; a first look at members, no proof of safety under a code"
-    return Document(
-        "Members against the code", design.preset.name.replace("_", " ").capitalize(), facts, document_sections, footer
-    )
+    subject = design.preset.name.replace("_", " ").capitalize()
+    return Document("Members against the code", subject, facts, document_sections, footer)
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
