@@ -57,7 +57,7 @@ class PaperFigure:
 
 
 def _row(
-    gamma: float, r: float, a: int, b: int, u: float, w: float, phases: tuple[float, float] = (0, 0)
+    gamma: float, r: float, a: int, b: int, u: float, w: float, phases: tuple[float, float] = (0.0, 0.0)
 ) -> Parameters:
     return Parameters(gamma, r, (a, b), (0.0, 0.0), (u, w), phases)
 
