@@ -53,8 +53,7 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError for a text that is not a
-        list."""
+        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError for another text than a list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:

@@ -17,7 +17,7 @@ from dsfab.core.messages import byte_size, sentence
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
-    from dsfab.preset.model import Preset
+    from dsfab.preset.model import Export, Preset
 
 
 @Parameter(name="*")
@@ -104,8 +104,7 @@ def build(
 
     source = source.with_overrides(*files.preset_overrides(), *step.overrides())
     proposal = source.proposal(preset)
-    if proposal and not quiet:
-        print_lines(proposal.lines)
+    print_lines(proposal.lines if proposal and not quiet else ())
     loaded = source.read_preset(preset, proposal)
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()
@@ -126,10 +125,8 @@ def build(
     if not quiet:
         _summary(design, folder, saved.facts)
     if saved.refused:
-        export = design.preset.export
-        is_optional = proposal or (export.step == "quick" and len(export.formats) > 1)
-        step_requested = files.format_ is not None or not is_optional
-        _report_refusal(saved.refused, design.preset, None if step_requested else folder, reporter)
+        is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
+        _report_refusal(saved.refused, design.preset, folder if is_optional else None, reporter)
     return 0
 
 
@@ -138,6 +135,10 @@ def _format(word: str) -> str:
     if suffix == CALCULIX_SUFFIX:
         raise ExportError(f"format {word!r} is not a file of a build; write it with dsfab export --to {CALCULIX}")
     return ALIASES.get(suffix, suffix)[1:]
+
+
+def _step_is_optional(export: "Export") -> bool:
+    return export.step == "quick" and len(export.formats) > 1
 
 
 def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:

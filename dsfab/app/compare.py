@@ -196,8 +196,7 @@ class CompareTask:
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
-    """Compare a design, write all files and print the result; return 1 if the design does not carry its loads, else
-    0."""
+    """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0."""
     reporter, questions = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:

@@ -103,8 +103,7 @@ def export(
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file of a built design, or of a new design; return lines about the file. Raises
-    DsfabError."""
+    """Write the requested file of a built or a new design; return lines about the file. Raises DsfabError."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
     if request.suffix == CALCULIX_SUFFIX:

@@ -102,8 +102,7 @@ def _built_facts(folder: Path) -> dict[str, Any]:
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Make a design, print its supports and loads, and return its measures; also draw the measures if `picture` is a
-    path.
+    """Make a design, print its supports and loads, and return its measures; draw them if `picture` is a path.
     Supports and loads come first, so that the user sees them even if a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture

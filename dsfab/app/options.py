@@ -51,7 +51,7 @@ def picture_size(text: str) -> tuple[int, int]:
         if all(SMALLEST <= side <= LARGEST for side in (width, height)):
             return width, height
     raise DsfabError(
-        f"--size {text!r} is not WIDTHxHEIGHT with sides of {SMALLEST} to {LARGEST} pixels; write for example 1600x1200"
+        f"--size {text!r} is not WIDTHxHEIGHT, sides of {SMALLEST} to {LARGEST} pixels; write for instance 1600x1200"
     )
 
 
@@ -170,7 +170,7 @@ class StepFlags:
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
 
-NO_FLAGS = StepFlags()  # Without options the preset decides.
+NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options apply.
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:

@@ -1,5 +1,4 @@
-"""The command `dsfab preview`: a picture of a design without its files; with --watch also after each save of the
-preset."""
+"""The command `dsfab preview`: a picture of a design without its files; --watch repeats it after each save."""
 
 import os
 import sys
@@ -91,8 +90,8 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the page of a preset, in `folder` unless --output names a file. Raises DsfabError for invalid
-        options."""
+        """Return the page of a preset, in `folder` unless --output names a file. Raises DsfabError for a wrong
+        option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)

@@ -1,5 +1,4 @@
-"""The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue a
-sweep."""
+"""The command `dsfab sweep`: thousands of designs of one preset in one folder; a sweep can stop and continue."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -43,8 +42,7 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file; None stands for an unset option. file_tables : keys of the
-        file itself."""
+        """Return the options as keys of a sweep file, None if unset. file_tables : keys of the file itself."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -170,7 +168,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # the later reader reports the error
+        return path.suffix == ".toml"  # the sweep's reader reports the error
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 

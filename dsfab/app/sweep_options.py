@@ -70,8 +70,7 @@ def listed_words(texts: Sequence[str]) -> list[str]:
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file, changed by the command line. plan_table : options as keys of the file, or
-    None."""
+    """Return the tables of a sweep file, changed by the command line. plan_table : further keys, or None."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

@@ -13,7 +13,7 @@ from rich.status import Status
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error, unless `quiet`. Leaving the `with` block ends the last
+    """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last
     stage."""
 
     def __init__(self, quiet: bool = False) -> None:

@@ -1,5 +1,4 @@
-"""The command `dsfab verify`: solves benchmark structures to test the elements, and tests the error bounds of
-verdicts."""
+"""The command `dsfab verify`: solves structures with known answers, and tests the error bounds of verdicts."""
 
 import json
 from collections import Counter

@@ -37,7 +37,7 @@ class WorkshopFlags:
     ] = False
 
 
-PRESET_FLAGS = WorkshopFlags()  # Without options the preset decides.
+PRESET_FLAGS = WorkshopFlags()  # No option is set, so the preset's own values apply.
 
 
 def workshop(

@@ -23,8 +23,7 @@ if TYPE_CHECKING:
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json; return the text of results.json, whose `verdict` is the design's full
-    check."""
+    """Write results.csv and results.json; return the text of results.json. Its `verdict` is the design's full check."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]

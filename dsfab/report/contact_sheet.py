@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
-"""Distances in pixels: between tiles, around the sheet, below a tile for its label, and above all tiles for the
+"""Distances in pixels: between tiles, around the sheet, below a tile for its label, and above the tiles for the
 title."""
 
 MAX_COLUMNS = 8  # Largest number of tiles in a row.
@@ -145,7 +145,7 @@ def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
 
 
 def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
-    """Return the contact sheet as HTML: picture, parameters and command of each variant; the pictures are files
+    """Return the contact sheet as HTML with picture, parameters and command of each variant; pictures are files
     beside it."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
@@ -200,8 +200,7 @@ before it is cut: pieces that reach no support may still be there, and the thick
 
 
 def check_film(values: Values, fps: float) -> None:
-    """Raise DsfabError unless exactly one key has several values, and `fps` is a possible number of pictures a
-    second."""
+    """Raise DsfabError unless exactly one key has several values, and `fps` is a possible number of frames a second."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(

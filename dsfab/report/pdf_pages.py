@@ -277,7 +277,7 @@ def _block(block: Block, styles: PdfStyles) -> list[Any]:
 def _code(text: str, styles: PdfStyles) -> Any:
     from reportlab.platypus import XPreformatted
 
-    size = 112  # characters that fit into a line
+    size = 112  # so many characters fit into a line
     lines = [line[i : i + size] for line in text.splitlines() for i in range(0, max(len(line), 1), size)]
     return XPreformatted(escaped_text("\n".join(lines)), styles.by_kind["code"])
 
@@ -346,7 +346,7 @@ def _figure(figure: ReportFigure, styles: PdfStyles, width: float) -> list[Any]:
     if figure.missing:
         return [styles.text(escaped_text(figure.missing), "missing"), caption]
     wide, high = figure.size
-    height = min(width * high / wide, 150.0)  # mm
+    height = min(width * high / wide, 150.0)  # millimetres
     image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
     return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 

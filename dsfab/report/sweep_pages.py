@@ -84,7 +84,7 @@ class SheetDrawer:
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
             if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
-            # a stored surface keeps its id, which identifies the stage
+            # the stage belongs to this id, and no new surface gets the id while the old surface is stored
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
         cached: Stage = _stages.stage
         return cached
@@ -223,8 +223,8 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
     """Return index.html, which opens offline; `y_metric` and `x_metric` are the first metrics of its chart.
-    The page contains all numbers, also missing values and failed runs; pictures are files beside it. Its script is in
-    sweep_page.html."""
+    It contains all numbers, also missing values and failed runs; pictures are files beside it. Script: sweep_page.html.
+    """
     facts = _page_facts(folder, rows, y_metric, x_metric)
     text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4  # A web has at least so many rings, and so many spokes that cross each ring.
+RINGS, SPOKES = 2, 4  # Least number of rings in a web, and least number of spokes across each ring.
 
 
 @dataclass(frozen=True)
@@ -97,14 +97,13 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the vertices (n,) inside the line z = level around the load, or None unless they form a disc without
-    supports."""
+    """Return the vertices (n,) inside the line z = level around the load; None if they are no disc without supports."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
     label = _labels(a[same_side], b[same_side], surface.n)
     inside = np.unique(label[load])
-    if len(inside) != 1:  # the line passes under the load
+    if len(inside) != 1:  # the line crosses the loaded patch
         return None
     region = label == inside[0]
     return region if not region[supported].any() and _is_disc(surface, region) else None
@@ -117,8 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the second family (whole numbers of z) cross the line ring = 0 around a
-    region."""
+    """Return how many middle lines of the second family (z a whole number) cross the edge of a region, ring = 0."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))

@@ -108,7 +108,7 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
 }
 """Settings of three pictures on the same modes."""
 
-PAPER = 37  # The paper's editor draws so many frames a second, on a laptop of 2015.
+PAPER = 37  # Frames a second that the paper reports for its editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
@@ -141,8 +141,8 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how many changes are drawn in a second, by the median time; two first frames prepare buffers and do
-    not count."""
+    """Return how many changes are drawn in a second, by the median time after two first frames, which prepare
+    buffers."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()
@@ -155,8 +155,7 @@ RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return the comparisons that the paper shows for this figure. shown : pictures that exist already, by file
-    name."""
+    """Return the comparisons that the paper shows for this figure. shown : existing pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]

@@ -18,8 +18,7 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and frequency of the
-    stripes."""
+    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and their frequency."""
 
     D: Floats
     number: int
@@ -52,8 +51,7 @@ def integrated_design(design: Design) -> Design:
 
 
 def strongest_directions(D: Floats) -> Floats:
-    """Return unit directions (m, 3) of the largest diffusion, for tensors D (m, 3, 3); stripes follow these
-    directions."""
+    """Return unit directions (m, 3) of the largest diffusion, for tensors D (m, 3, 3); stripes follow them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
@@ -64,8 +62,7 @@ def weakest_directions(D: Floats) -> Floats:
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,) in metres whose gradient is closest to given directions, in the mean square over clear
-    faces.
+    """Return the field u (n,) in metres whose gradient best fits given directions, in the mean square over clear faces.
 
     direction : (m, 3) unit vectors, whose sign does not count.
     clear     : (m,) faces that have a direction; on the other faces the field is as flat as possible."""
@@ -79,8 +76,8 @@ def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Float
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return directions (m, 3) whose signs agree between neighbours; a spanning tree of faces with the least turns
-    sets them."""
+    """Return directions (m, 3) whose signs agree between neighbours, along a spanning tree of faces with the least
+    turns."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()

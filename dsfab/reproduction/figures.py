@@ -20,7 +20,7 @@ from dsfab.results import Piece
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
 """Pictures of a figure besides its structure, in the order of the method."""
 
-RUNS = 3  # The reported seconds are the median of so many runs.
+RUNS = 3  # Number of runs; the page reports their median seconds.
 
 RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
 """Titles of the three renditions of a figure."""

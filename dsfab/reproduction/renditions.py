@@ -36,8 +36,7 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
 """Keys that presets may set otherwise than the paper: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)
-"""Least and largest share of material for the rendition with stripes. Above a half, stripes no longer form a
-lattice."""
+"""Least and largest share of material for the rendition with stripes; above a half they form no lattice."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,8 +80,7 @@ class Rendition:
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return the paper to the letter, the unchanged preset, and evenly spaced stripes of equal material within
-    `SHARES`.
+    """Return the paper to the letter, the unchanged preset, and evenly spaced stripes of equal material (`SHARES`).
     design : design of a preset of the paper, made up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)

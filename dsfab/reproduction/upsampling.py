@@ -98,8 +98,7 @@ def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) 
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area where interpolated stripe values (n,) and the mode disagree, by samples in each
-    triangle."""
+    """Return the share of area where interpolated stripe values (n,) and the mode disagree, by samples of each face."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

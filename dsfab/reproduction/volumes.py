@@ -29,8 +29,8 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""The sphere's row of Table 1: no kept regions, plain widths, phase 0; unlike in the paper, signs label the
-families."""
+"""The sphere's row of Table 1: no kept regions, plain widths, phase 0; signs label the families, unlike in the
+paper."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # This row to the letter of the paper.
 SHARES = (0.3, 0.5, 0.7)  # Shares of the surface; each takes a few minutes.
 

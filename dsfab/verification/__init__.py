@@ -37,8 +37,12 @@ __all__ = [
 ]
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
-TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # Tests by name.
-PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Pairs of elements; two are for comparison.
+TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
+PAIRS = (
+    elements_of("directions"),
+    elements_of("spread"),
+    *REPORTED,
+)  # Default pairs of elements; the first two are only for comparison.
 
 
 def choose(names: Sequence[str]) -> list[Test]:

@@ -15,8 +15,7 @@ Vector = tuple[float, float, float]
 IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
-"""Mesh patterns of strips. The pattern `jittered` is missing, because a strip of one cell has no inner vertices to
-move."""
+"""Mesh patterns of strips. `jittered` is missing, because a strip of one cell has no inner vertices to move."""
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
@@ -27,10 +26,8 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the sideways offset of mesh lines at stations (k,) from 0 to 6, which makes cells trapezoids or
-    parallelograms.
-    Lines of trapezoids lean to alternate sides, lines of parallelograms to the same side; both end lines stay upright.
-    """
+    """Return the sideways offset of mesh lines at stations (k,) from 0 to 6; it makes trapezoids or parallelograms.
+    Lines of trapezoids lean to alternate sides, lines of parallelograms to one side; both end lines stay upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0

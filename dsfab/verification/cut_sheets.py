@@ -17,8 +17,7 @@ COARSE = 12  # Cells around the vault before the cut; finer meshes divide the cu
 
 
 def vault(cells: int) -> Surface:
-    """Return a barrel vault with six by four openings; stripes around and along the vault each cover half of the
-    area."""
+    """Return a barrel vault with six by four openings; stripes around and along it each cover half of the area."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -31,8 +30,7 @@ def vault(cells: int) -> Surface:
 
 
 def on_cylinder(points: Floats) -> tuple[Floats, Floats]:
-    """Move points (k, 3) onto the cylinder, metres; return the points and the normals of the cylinder there, (k, 3)
-    each."""
+    """Move points (k, 3) onto the cylinder, metres; return points and normals of the cylinder, (k, 3) each."""
     out = points * (1, 0, 1)
     normal = out / np.linalg.norm(out, axis=1, keepdims=True)
     return points * (0, 1, 0) + RADIUS * normal, normal
@@ -53,8 +51,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; the value is in
-    joules."""
+    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; value in joules."""
     surface = vault(cells)
     where = feet(surface)
     return Problem(

@@ -102,9 +102,7 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     if not size.any():  # a free vibration has no load
         return
     loaded = np.flatnonzero(size > 0.2 * size.max())
-    loaded = loaded[
-        np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))
-    ]  # more than 8 arrows would hide the mesh
+    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows are drawn
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()
     for vertex in loaded:
         tip, tail = shown[vertex], shown[vertex] - reach * seen[vertex]
@@ -166,7 +164,7 @@ WORST_FIRST = (
     "coarse",
     "not run",
     "ok",
-)  # The summary shows the first of these that occurs.
+)  # The summary shows the worst verdict of a test; this is the order.
 PAIR = str(elements_of("displacement"))  # This pair of elements has targets and is compared with published values.
 
 STYLE = """

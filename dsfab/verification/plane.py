@@ -66,10 +66,8 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; the value is the movement of its
-    end.
-    The movement belongs to the middle vertex. `diagonal` halves cells along the short diagonal, like published
-    triangles."""
+    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; value: movement of its end.
+    The middle vertex of the end counts. `diagonal` halves cells along the short diagonal, like published triangles."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
@@ -82,10 +80,9 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
     """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
-    Kirsch's own tractions act on the outer edge. The value is the largest stress along the edge of the hole; exact: 3.
-    """
+    Kirsch's own tractions act on the outer edge. The value is the largest stress along the hole's edge, exactly 3."""
     uv, F = square(cells, cells, mesh)
-    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells are as long as wide
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
     return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 
@@ -144,8 +141,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return the mean traction (e, 3) on marked edges (e,), by four Gauss points with outward normals; 0 on other
-    edges."""
+    """Return the mean traction (e, 3) on marked edges (e,), by four Gauss points and outward normals; 0 elsewhere."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

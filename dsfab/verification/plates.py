@@ -94,8 +94,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a simply supported unit square, pressed along x by a line load N; the value is the least N a^2 / D at
-    buckling."""
+    """Return a simply supported unit square, pressed along x by a line load N; value: N a^2 / D at buckling."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]

@@ -59,8 +59,7 @@ def is_at(values: Floats, position: float) -> Bools:
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return a mask (e,) of the boundary edges with both ends on one of the lines; each line is a mask (n,) of
-    vertices."""
+    """Return a mask (e,) of the boundary edges with both ends on one of the lines, each a mask (n,) of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
@@ -103,8 +102,7 @@ def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
 
 
 def _on_sphere(points: Ints, cells: int) -> Floats:
-    """Move points of the octahedron onto the sphere, with equal angles along its edges, so that triangles have
-    similar sizes."""
+    """Move points of the octahedron onto the sphere, with equal angles along edges, so that triangles are alike."""
     bent = np.sign(points) * np.sin(np.pi / 2 * np.abs(points) / cells)
     return np.asarray(bent / np.linalg.norm(bent, axis=1, keepdims=True))
 

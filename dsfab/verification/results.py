@@ -88,8 +88,7 @@ OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a 
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return the results of the test's other program for all refinements; empty if no such program exists or is
-    installed."""
+    """Return the results of the test's other program for all refinements; empty without an installed program."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     values = [result[1] for result in results if result is not None]
     if not values:
@@ -214,12 +213,12 @@ SIMO = Publication(
 )
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
-TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of the twisted beam in most publications.
+TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of a twisted beam with 12 x 2 cells.
 Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # each tuple holds the ratios on the three shapes of cells: first for loads in the plane, then across the plane
+    # a tuple holds the ratios on three shapes of cells: first for loads in the plane, then for loads across the plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -341,8 +340,8 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and largest error of all patterns, by number of cells; a failed pattern excludes its number
-    of cells."""
+    """Return unknowns and largest error of all patterns, by number of cells; without cells at which a pattern
+    failed."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -353,8 +352,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test that the paper's elements fail, with published values of constant-strain
-    triangles."""
+    """Return a line for each test that the paper's elements fail, with published results of constant strain."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -397,6 +395,6 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
 
 
 def _outcome(ours: float, theirs: float) -> Outcome:
-    if abs(ours - theirs) <= 0.005:  # references of different sources differ by as much
+    if abs(ours - theirs) <= 0.005:  # references in different sources differ by up to half a percent
         return "alike"
     return "better" if ours < theirs else "worse"

@@ -9,7 +9,9 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
 WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of the tube, whose radius is 1.
-CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))  # N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
+CLASSICAL = 1 / np.sqrt(
+    3 * (1 - WALL.poisson**2)
+)  # Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.

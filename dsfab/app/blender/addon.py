@@ -60,8 +60,7 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object with its modifiers as OBJ, in metres, at its place. Raises BuildError for an object without
-    faces."""
+    """Write an object with its modifiers as OBJ, in metres, at its place. Raises BuildError if it has no faces."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select its surface, {source[MADE_OF]}")
     if source.type not in WITH_FACES:

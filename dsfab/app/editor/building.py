@@ -77,8 +77,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design. Raises
-    DsfabError."""
+    """Write a single file like `dsfab export`; the folder `before` may hold the design. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -127,8 +126,7 @@ class BuilderError(RuntimeError):
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """Run `build_files`, or `export_file` for a single format, in another process. Raises the errors of these
-    functions.
+    """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
     After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder."""
     message = pickled((request, str(folder)))
     try:
@@ -246,8 +244,7 @@ class Builds:
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
-        """Return a question for the user if a build would replace files in the folder of this name; else an empty
-        dict."""
+        """Return a question for the user if a build would replace files in the folder of this name; else {}."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}

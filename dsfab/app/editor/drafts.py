@@ -44,8 +44,7 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays of a draft: the surface, the fields of the stripes, statics, and marks of loads and
-    supports.
+    """Return facts and arrays of a draft: surface, fields of the stripes, statics, and marks of loads and supports.
     V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
     not the surface, loops, loads and supports refer to the vertices `uncut` (k, 3) of the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
@@ -93,8 +92,8 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) of both families at frequency 1.
-    Slopes of evenly spaced stripes are lines per metre. `shares` (n, 2) are the factors of the width rules on the
-    half-widths (see `StripedMesh`)."""
+    Slopes of evenly spaced stripes are lines per metre. `shares` (n, 2) are factors on the half-widths by width rules.
+    """
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {

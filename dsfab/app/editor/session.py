@@ -45,8 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` stays equal while only the stripes change, so that the page keeps its
-    data."""
+    """A draft that the page shows. `version` stays equal while only stripes change; the page then keeps its data."""
 
     draft: Design
     number: int
@@ -172,8 +171,8 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves the changed preset and measures the design; return the running job of equal
-        changes."""
+        """Start a job that solves the changed preset and measures the design; a running job of equal changes
+        continues."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -184,7 +183,7 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that makes the solid and its files, or return a question if files would be replaced without
+        """Start a job that writes the files of a build, or return a question before files are replaced without
         permission.
         only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
@@ -197,8 +196,8 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures the members; judged : also their utilisation. Raises DsfabError
-        without a draft."""
+        """Start a job that names and measures members, with utilisation if `judged`. Raises DsfabError without a
+        draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -228,8 +227,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of an older
-        draft."""
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of another draft."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

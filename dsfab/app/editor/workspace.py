@@ -51,8 +51,8 @@ class Outputs:
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError if this
-        fails."""
+        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError on
+        failure."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -61,7 +61,7 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml beside the folders, or NAME-2.toml if another NAME.toml exists; return the path. Raises
+        """Write NAME.toml beside the folders, or NAME-2.toml if NAME.toml exists; return the path. Raises
         DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
@@ -135,8 +135,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page. Raises PresetError as `load_preset` does, and for a mesh that is not
-        open."""
+        """Open a preset file from the page. Raises PresetError as `load_preset` does, and without its mesh."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -166,7 +165,7 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset among the outputs, with its mesh from the page beside it; return the path. Raises
+    """Save the changed preset among the outputs, with its mesh file; return the path of the preset. Raises
     DsfabError."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
@@ -276,8 +275,7 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; without a name, it is called by its number. Raises DsfabError for an invalid or surplus
-        variant."""
+        """Add a variant; without a name, it is called by its number. Raises DsfabError for an invalid variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")

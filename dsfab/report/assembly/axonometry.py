@@ -25,8 +25,7 @@ class Axonometry:
 
     @classmethod
     def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """Return a view by its azimuth about `up` and its elevation over the ground, degrees; elevation 90 gives a
-        plan."""
+        """Return a view by its azimuth about `up` and its elevation over the ground, degrees; elevation 90: a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
@@ -87,8 +86,7 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all members that the plan builds: of planks both sides and the upper edge, of plates one
-    side."""
+    """Return the faces of all members in the plan: both sides and the upper edge of planks, one side of plates."""
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}

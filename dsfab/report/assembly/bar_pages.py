@@ -165,8 +165,7 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of the end of a bar that lies on a plate's arm, before folding; metres from the
-    node."""
+    """Return the outline (k, 2) of a bar's end that lies on a plate's arm, before folding; metres from the node."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)

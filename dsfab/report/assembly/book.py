@@ -62,8 +62,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
-    """Return titles and drawings of all pages. The book of a flat design has no steps, because its parts lie in one
-    plane."""
+    """Return titles and drawings of all pages. A flat design needs no steps, because its parts lie in one plane."""
     flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
     last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:

@@ -60,7 +60,9 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
     """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
-    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres, less for over 120 members
+    letter = 2.5 * min(
+        1.0, float(np.sqrt(120 / len(faces)))
+    )  # height in millimetres; over 120 members need smaller letters
     plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
@@ -88,8 +90,7 @@ def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) 
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return a page of the flat parts bent back into space; nothing for a plan without strips. up : (3,) unit
-    vector."""
+    """Return a page of flat parts bent back into space; nothing for a plan without strips. up : (3,) unit vector."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -117,8 +118,7 @@ def piece_length(faces: list[MemberFaces]) -> float:
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3) about `piece` metres long; a strip with slots has quads between all its
-    corners."""
+    """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has quads between all corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
@@ -136,7 +136,7 @@ def _refolded_page(
     extent = np.concatenate([view.projected(face.quads).reshape(-1, 2) for face in (*faces, *parts)])
 
     def draw(paper: Paper) -> None:
-        foot = 24.0  # millimetres for the captions
+        foot = 24.0  # the captions need 24 millimetres
         room = PaperBox(PAGE.x, PAGE.y + foot, PAGE.wide, PAGE.high - foot)
         captions = ("Members, as they are designed", caption)
         for shown_faces, cell, words in zip((faces, parts), room.cells(2, 1, 10.0), captions, strict=True):

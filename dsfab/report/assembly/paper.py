@@ -87,8 +87,7 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text of this size in points; its left end, middle or right end (`side`) lies at `place`
-        (2,)."""
+        """Write a line of text of this size in points; by `side` its left end, middle or right end lies at `place`."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
@@ -147,8 +146,7 @@ class Paper:
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw thousands of faces as one string of PDF operators, because a call for each face takes ten times as
-        long."""
+        """Draw thousands of faces as one string of PDF operators; a call for each face takes ten times as long."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)

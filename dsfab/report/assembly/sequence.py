@@ -14,7 +14,7 @@ from dsfab.report.assembly.overview import draw_structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
-STEP_PICTURES = 12  # About this number of steps gets a picture.
+STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
@@ -33,8 +33,7 @@ class AssemblyStep:
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps in the order of `LAYER_RULE`; a member appears once for each of its layers. up : (3,) unit
-    vector."""
+    """Return the steps in the order of `LAYER_RULE`; a member appears once for each layer. up : (3,) unit vector."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 

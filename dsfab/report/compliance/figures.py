@@ -146,8 +146,7 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts inside this context with the fonts of a report. settings_of_chart : further settings of
-    matplotlib."""
+    """Draw charts inside this context with the fonts of a report. settings_of_chart : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
@@ -231,8 +230,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with the loads and supports of a case; side_by_side : whether a second picture
-        stands beside it."""
+        """Draw the uncut surface with loads and supports of a case; side_by_side : whether it shares a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -242,7 +240,7 @@ class FindingsPictures:
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
         """Draw the von Mises stress on the cut sheet: at each place the largest of top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # else peaks at corners dominate
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # else peaks at corners use up the colour scale
         return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:

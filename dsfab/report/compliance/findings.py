@@ -176,8 +176,7 @@ class Findings:
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if the sheet does not carry all
-        loads."""
+        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if the sheet lacks a load."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -216,8 +215,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that get a figure; of combinations by a standard only the decisive
-        cases."""
+        """Return the cases and combinations that get a figure; only decisive ones of combinations by a standard."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:

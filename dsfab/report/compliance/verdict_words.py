@@ -106,8 +106,7 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' without such a
-    comparison."""
+    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' if none was compared."""
     pairs = [
         (f"{share:.0%}", compared.design, compared["thinner"])
         for share, compared in findings.volumes

@@ -69,8 +69,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports, each with its largest reaction, and a table of loads; nothing for facts without
-    them."""
+    """Yield a table of supports, each with its largest reaction, and a table of loads; nothing without such facts."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1

@@ -47,8 +47,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
-    """Return the lowest buckling factors and the lowest frequency of the uncut sheet, with error intervals by finer
-    meshes.
+    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals by finer meshes.
     The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
@@ -61,8 +60,8 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return the key `mode_intervals` of `design.json`; a bound is half of an interval over its value. Empty
-    without a request."""
+    """Return the key `mode_intervals` of `design.json`, with relative half-widths as bounds; empty without a
+    request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
@@ -92,7 +91,7 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return lines on the largest stress (unless elements are `hinge`), on buckling, and on vibration, in the worst
+    """Return lines on the largest stress (not of `hinge` elements), on buckling and on vibration, in the worst
     cases."""
     cases = design.statics.cases
     answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
@@ -188,8 +187,7 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 
 def case_lines(design: "Design") -> list[str]:
-    """Return lines on stiffness and reactions of the uncut sheet: two lines for a single case, else a line for each
-    case."""
+    """Return lines on stiffness and reactions of the uncut sheet: two for a single case, else one for each case."""
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()

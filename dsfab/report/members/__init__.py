@@ -68,7 +68,7 @@ def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    across = 3  # forces above, moments below
+    across = 3  # forces stand above moments
     lines = len(DIAGRAM_COMPONENTS) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
@@ -115,7 +115,7 @@ def _draw_component(axes: "Axes", forces: "MemberForces", case: str, component: 
     axes.tick_params(length=2, pad=2)
 
 
-WORST_COUNT = 10  # So many members get a row, a diagram and a name.
+WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
@@ -306,8 +306,7 @@ def member_report(design: Design, command: str) -> Document:
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write the report and the page of the structure; return the names of the files, and a sentence for each failed
-    step."""
+    """Write the report and the page of the structure; return names of files, and a sentence for each failed step."""
     document, files, messages = member_report(design, command), [FILES[0]], list[str]()
     (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
