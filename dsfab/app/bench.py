@@ -47,7 +47,7 @@ class Workload:
             "with --stages statics also 250 and 500 thousand.",
         ),
     ] = False
-    vertices: Annotated[str | None, Parameter(help="Other numbers for --scaling, such as 10000,40000.")] = None
+    vertices: Annotated[str | None, Parameter(help="Vertex counts for --scaling, such as 10000,40000.")] = None
     stages: Annotated[
         Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
     ] = "all"

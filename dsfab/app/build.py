@@ -29,12 +29,14 @@ class Files:
         None
     )
     format_: Annotated[
-        str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
+        str | None, Parameter(name=["--format", "-f"], help="Formats with commas; `dsfab export --help` lists all.")
     ] = None
 
     accept: Annotated[
         bool,
-        Parameter(negative=(), help="Write it although nothing carries a load, or although it is as thin as a film."),
+        Parameter(
+            negative=(), help="Write the files even if a load has no support, or if the sheet is as thin as a film."
+        ),
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
@@ -54,7 +56,7 @@ class PictureFlags:
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
-        bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
+        bool, Parameter(negative=(), help="Also make fabrication.png, which marks the smallest member, gap and wall.")
     ] = False
 
     def check_ahead(self) -> None:

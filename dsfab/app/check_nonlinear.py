@@ -33,16 +33,17 @@ class Nonlinear:
         str | None, Parameter(help="The load case or combination [the first combination, else the first case].")
     ] = None
     imperfection: Annotated[
-        float | None, Parameter(help="Metres, in the shape of the first buckling [the longest side / 300].")
+        float | None,
+        Parameter(help="Imperfection in metres, shaped like the first buckling mode [the longest side / 300]."),
     ] = None
     check_edge: Annotated[
         float | None,
         Parameter(
-            help="Edge of the triangles, metres. If the design's edges are shorter, it is cut again with these, "
-            "without fillets; 0: the sheet as it is [the design's, without fillets]."
+            help="Edge length of the triangles, metres. A design with shorter edges is cut again with this length, "
+            "without fillets; 0: the sheet as it is [the design's length, without fillets]."
         ),
     ] = None
-    minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
+    minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0
 
 
 LINEAR_FILE_CHECK = Nonlinear()  # Default options: a linear check of a file.

@@ -100,7 +100,7 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     return f"{words}, from {best} to {worst} x the full sheet, {mean} x in the mean"
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface (None: the design's own), and result.
+ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface, None for the design's own; result.
 
 
 @Parameter(name="*")
@@ -113,8 +113,7 @@ class Questions:
         Parameter(help="Comma list: isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
-        str | None,
-        Parameter(help="LOW:HIGH:COUNT shares of the surface, such as 0.2:0.8:7: compare at each of them too."),
+        str | None, Parameter(help="Also compare at these shares of the surface: LOW:HIGH:COUNT, such as 0.2:0.8:7.")
     ] = None
     level: Annotated[
         Literal["quick", "full"] | None,
@@ -123,8 +122,8 @@ class Questions:
             "the design, and for the best of each competitor if all take less than a minute; quick for --volumes]."
         ),
     ] = None
-    buckling: Annotated[bool, Parameter(negative=(), help="Also the lowest load factor of each.")] = False
-    frequency: Annotated[bool, Parameter(negative=(), help="Also the lowest natural frequency of each.")] = False
+    buckling: Annotated[bool, Parameter(negative=(), help="Also compute the lowest buckling factor of each.")] = False
+    frequency: Annotated[bool, Parameter(negative=(), help="Also compute the lowest frequency of each.")] = False
     memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
 
     @property
@@ -175,9 +174,9 @@ class Results:
             help="Folder for the results [outputs/NAME/compliance]; of several presets, a folder each in it.",
         ),
     ] = None
-    resume: Annotated[
-        bool, Parameter(negative=(), help="Leave out presets that were compared already, by the same command.")
-    ] = False
+    resume: Annotated[bool, Parameter(negative=(), help="Skip presets that the same command has compared already.")] = (
+        False
+    )
     report: Annotated[bool, Parameter(help="Also write report.html and report.pdf.")] = True
 
 

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}  # Second suffixes of the same format.
+ALIASES = {".stp": ".step"}  # Suffixes with the same format as another suffix.
 SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Short words for --to, with the suffix of their format.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
@@ -73,7 +73,9 @@ def export(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         SheetName | None,
-        Parameter(help="The uncut or the cut sheet, in place of the solid; for calculix the uncut one if not given."),
+        Parameter(
+            help="Write the uncut or the cut sheet in place of the solid; calculix takes the uncut sheet by default."
+        ),
     ] = None,
     source: Source = UNCHANGED,
     step: StepFlags = NO_FLAGS,

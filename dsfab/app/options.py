@@ -149,7 +149,7 @@ class StepFlags:
     step: Annotated[
         str | None,
         Parameter(
-            help="How STEP is made: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
+            help="Method for STEP: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
             "tessellated."
         ),
     ] = None
@@ -160,8 +160,7 @@ class StepFlags:
         float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
     ] = None
     estimate: Annotated[
-        bool,
-        Parameter(name="--estimate", negative=(), help="Say what each way to write STEP would cost; write nothing."),
+        bool, Parameter(name="--estimate", negative=(), help="Print the cost of each way to write STEP; write no file.")
     ] = False
 
     def overrides(self) -> tuple[str, ...]:

@@ -29,7 +29,7 @@ COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for th
 def reproduce(
     *names: str,
     coarser: Annotated[
-        float, Parameter(help="Edges this many times as long as the presets' own: a quick look, in rough.")
+        float, Parameter(help="Make edges this many times as long as in the presets, for a quick rough look.")
     ] = 1.0,
     volumes: Annotated[
         bool,
@@ -43,7 +43,7 @@ def reproduce(
     ] = False,
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
     workers: Annotated[
-        int | None, Parameter(help="Figures made at the same time, in processes [cores, as memory allows].")
+        int | None, Parameter(help="Number of processes that make figures [cores, as memory allows].")
     ] = None,
     quiet: Quiet = False,
 ) -> int:

@@ -30,12 +30,14 @@ class PlanOptions:
     seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
     metric: Annotated[tuple[str, ...], Parameter(negative=(), help="Metrics to measure (comma list, repeatable).")] = ()
     constraint: Annotated[
-        tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
+        tuple[str, ...],
+        Parameter(name=["--constraint", "--subject-to"], negative=(), help="Condition for good runs: 'pieces == 1'."),
     ] = ()
     optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None
     evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None
     keep: Annotated[
-        tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
+        tuple[str, ...],
+        Parameter(negative=(), help="Files to keep of a run: picture, preset, sheet, solid or nothing [picture]."),
     ] = ()
     export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
@@ -77,7 +79,7 @@ class Work:
     extend: Annotated[bool, Parameter(negative=(), help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
         Literal["killed", "failed", "all"],
-        Parameter(help="Runs of an existing sweep to retry: those whose worker was killed, failed ones, or both."),
+        Parameter(help="Runs of an existing sweep to repeat: runs whose worker was killed, failed runs, or both."),
     ] = "killed"
 
     @property

@@ -26,14 +26,15 @@ class WorkshopFlags:
     """Options of the flat parts."""
 
     model: Annotated[
-        str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
+        str | None,
+        Parameter(help="Make a model in card at this scale, 1:50; by default from sheets of A3, 1 mm thick."),
     ] = None
     stock: Annotated[
         str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
     ] = None
-    thickness: Annotated[str | None, Parameter(help="Of one layer: 1mm, 0.012m.")] = None
+    thickness: Annotated[str | None, Parameter(help="Thickness of one layer: 1mm, 0.012m.")] = None
     ifc: Annotated[
-        bool, Parameter(help="Also members.ifc: each member with its quantities and its drawings.", negative=())
+        bool, Parameter(help="Also write members.ifc: each member with its quantities and its drawings.", negative=())
     ] = False
 
 

@@ -58,7 +58,9 @@ def surface_controls(surface: Surface) -> list[Control]:
 def _direction_controls() -> list[Control]:
     flow = "directions"
     return [
-        Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
+        Control(
+            flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r; 1 ignores stress."
+        ),
         Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
         Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
         Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="Number of modes."),
@@ -67,9 +69,7 @@ def _direction_controls() -> list[Control]:
 
 
 _GAMMA = "gamma: factor on the loads before each face is classed as isotropic or not."
-_MODE_SYMMETRY = (
-    "Symmetry that the modes must have: x, y or z for a mirror, rot:6:z for sixths of a turn; several with commas."
-)
+_MODE_SYMMETRY = "Symmetries of the modes, with commas: x, y or z for a mirror, rot:6:z for turns by a sixth about z."
 
 
 def _sheet_controls(surface: Surface) -> list[Control]:
@@ -85,7 +85,7 @@ def _sheet_controls(surface: Surface) -> list[Control]:
 
 
 _YOUNG = "Young's modulus."
-_STRENGTH = "Strength beside the largest stress in reports; off for none."
+_STRENGTH = "Reports compare the largest stress with this strength; off for none."
 
 
 def _mesh_controls(surface: Surface) -> list[Control]:
@@ -96,7 +96,7 @@ def _mesh_controls(surface: Surface) -> list[Control]:
     ]
 
 
-_REFINE = "Triangles are divided until no edge is longer; off leaves them as they are."
+_REFINE = "Triangles are divided until no edge is longer than this; off divides nothing."
 _SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
 
 
@@ -119,13 +119,13 @@ def _workshop_controls(surface: Surface) -> list[Control]:
 
 
 _NO_SLITS = (
-    "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness. "
-    "A dash: on for evenly spaced stripes, but where widths follow the stress."
+    "Closes openings and widens members that are too narrow for a workshop, by the sheet's thickness. "
+    "A dash: on for evenly spaced stripes, unless widths follow the stress."
 )
-_BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
+_BED = "Room of the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty checks nothing."
 
 _ACCEPT = (
-    "Build although nothing carries a load, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
+    "Build even if a load has no support, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
 )
 
 
@@ -162,12 +162,12 @@ def _method_controls() -> list[Control]:
 
 
 _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
-_FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
-_HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
-_STRIPE_SYMMETRY = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
-_FORCES = "Stripes run along those of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
-_ROUNDS = "How often directions are sought again, with the weight of what stripes leave; 0: of the uncut sheet."
-_TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."
+_FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
+_HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
+_STRIPE_SYMMETRY = "auto: stripes have all mirrors and turns of surface, supports and loads; none: no symmetry."
+_FORCES = "Stripes follow the forces of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
+_ROUNDS = "How often directions are computed again with the weight of the cut sheet; 0: weight of the uncut sheet."
+_TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
 def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
@@ -181,14 +181,14 @@ def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) 
         Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method="modes"),
         replace(spacing, instead=Family().distance(surface.area, surface.mean_edge)),
         Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method="modes"),
-        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
+        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1: all is material; 1: nothing is."),
     ]
 
 
-_MODE = "The field that stripes run on; 1 is the smoothest. auto tries several and takes the stiffest."
+_MODE = "Number of the mode, a field that stripes follow; 1 is the smoothest. auto selects the stiffest of several."
 _PHASE = "Moves the stripes sideways."
-_FREQUENCY = "Stripes per unit of the mode: more is finer."
-_SPACING = "Metres from one stripe to the next; on modes it takes the place of the frequency, and 0 gives it back."
+_FREQUENCY = "Stripes per unit of the mode; a larger number gives a finer pattern."
+_SPACING = "Metres from one stripe to the next. On modes it replaces the frequency; 0 uses the frequency again."
 
 
 def _width_controls(reach: float) -> list[Control]:
@@ -210,16 +210,20 @@ def _width_controls(reach: float) -> list[Control]:
 
 
 _RULE = (
-    "plain: as the thresholds say; constant: equally wide in metres; graded: as wide as the stress is large; "
-    "stressed: evened out on the cut sheet."
+    "plain: the thresholds decide the width; constant: one width in metres; graded: the width grows with the stress; "
+    "stressed: the energy of the cut sheet decides."
 )
-_STEPS = "How often the rule stressed cuts, solves and widens; the best is kept."
-_FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
-_MISSED = "Tolerance: if the share jumps past the solid fraction, the nearest value within it is taken and reported."
+_STEPS = "How often the rule stressed cuts, solves and widens; the stiffest result counts."
+_FRACTION = (
+    "Share of the surface that is material: widths are computed from this share. 0 leaves the widths as they are."
+)
+_MISSED = (
+    "Tolerance of the solid fraction: if it cannot be met exactly, the nearest share within is taken and reported."
+)
 _NONE = "0 sets no limit."
 _THINNEST = (
-    "0 sets no limit. auto: evenly spaced members of graded width are as wide as the sheet is thick, or as half of "
-    "what equally wide ones would be."
+    "0 sets no limit. auto: evenly spaced members of graded width are at least as wide as the sheet is thick, or as "
+    "half of the constant width for the same material."
 )
 
 
@@ -235,8 +239,8 @@ def _kept_controls(reach: float) -> list[Control]:
     ]
 
 
-_FILLET = "Radius of the corners of openings; seen in what is built."
+_FILLET = "Radius of the corners of openings; only the built solid shows it."
 _TIDY = (
-    "Take off stripes that end in the air, to the member that they cross last; fill slits. Seen in what is built. "
+    "Shortens members that end in an opening to their last crossing, and fills slits; only the built solid shows it. "
     "A dash: on for evenly spaced stripes of both families."
 )

@@ -123,7 +123,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 def has_creases(surface: Surface) -> bool:
     """Return True if a face differs so much from its corner normals that the shader must light each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
-    return bool(normals.sum(axis=2).min() < 0.8)  # shader.js has this cosine too
+    return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from dsfab.core.errors import DsfabError
 
-ReportProgress = Callable[[str, str], None]  # Report of a stage and its work.
+ReportProgress = Callable[[str, str], None]  # Function that reports a stage and its work.
 
 
 class Cancelled(Exception):  # noqa: N818  # no error

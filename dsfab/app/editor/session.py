@@ -306,7 +306,7 @@ def _same_model(draft: Design, earlier: Design) -> bool:
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    # a sketch may have rough statics
+    # the statics of a sketch may be rough
     if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
     return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

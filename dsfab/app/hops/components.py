@@ -24,15 +24,15 @@ INPUTS = (
         "supports", "S", "Points that hold the surface near them; left out: its feet.", "Point", is_list=True
     ),
     HopsParameter("snow", "Sn", "Pa on the plan; left out: 750, a placeholder for your code.", "Number"),
-    HopsParameter("spacing", "Sp", "From one member to the next, in the unit of the model.", "Number"),
-    HopsParameter("thickness", "T", "Of the sheet, in the unit of the model.", "Number"),
-    HopsParameter("share", "Sh", "Of the surface that is material, 0 to 1.", "Number"),
+    HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
+    HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
+    HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),
     HopsParameter(
-        "preset", "P", "Lines of a preset, such as pattern.rotate = 45; metres and pascals.", "Text", is_list=True
+        "preset", "P", "Lines of a preset in metres and pascals, such as pattern.rotate = 45.", "Text", is_list=True
     ),
 )
 NOTES = HopsParameter("notes", "N", "Notes on the design.", "Text", is_list=True)
-LINES = HopsParameter("lines", "L", "Middles of the members.", "Curve", is_list=True)
+LINES = HopsParameter("lines", "L", "Centre lines of the members.", "Curve", is_list=True)
 _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
@@ -137,7 +137,7 @@ def solve_parts(request: HopsRequest) -> Sequence[Any]:
             curves["cut"] += [shift + np.vstack([loop, loop[:1]]) for loop in (placed.outline, *placed.slots)]
             curves["holes"] += [shift + _circle(hole.at, hole.diameter / 2) for hole in placed.holes]
             curves["marks"] += [shift + mark for mark in placed.marks]
-        depth += width + 0.2  # 0.2 metres are between two sheets
+        depth += width + 0.2  # the gap between two sheets is 0.2 metres
     outputs = [[polyline_json(curve / request.metre) for curve in kind] for kind in curves.values()]
     return *outputs, names, list(plan.notes)
 
@@ -158,16 +158,16 @@ COMPONENTS = {
                 HopsParameter("solid", "So", "The watertight solid.", "Mesh"),
                 LINES,
                 HopsParameter("edges", "E", "Edges of the material.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "Of the lines.", "Text", is_list=True),
-                HopsParameter("compliance", "C", "J, by one solve: less is stiffer.", "Number"),
-                HopsParameter("mass", "Ma", "kg.", "Number"),
+                HopsParameter("names", "Na", "Names of the lines.", "Text", is_list=True),
+                HopsParameter("compliance", "C", "Compliance in J, by one solve; less is stiffer.", "Number"),
+                HopsParameter("mass", "Ma", "Mass in kg.", "Number"),
                 NOTES,
             ),
             solve_structure,
         ),
         HopsComponent(
             "preview",
-            "The same, faster: the sheet before it has a thickness.",
+            "A faster preview of the structure: the cut sheet, without thickness.",
             INPUTS,
             (HopsParameter("sheet", "Sh", "The cut sheet.", "Mesh"), LINES, NOTES),
             solve_preview,
@@ -177,10 +177,14 @@ COMPONENTS = {
             "The members of the structure, by name.",
             INPUTS,
             (
-                HopsParameter("axes", "A", "A curve along the middle of each.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "A01, A02 ...", "Text", is_list=True),
-                HopsParameter("lengths", "L", "In the unit of the model.", "Number", is_list=True),
-                HopsParameter("widths", "W", "In the mean, in the unit of the model.", "Number", is_list=True),
+                HopsParameter("axes", "A", "A curve along the middle of each member.", "Curve", is_list=True),
+                HopsParameter("names", "Na", "Names of the members: A01, A02 ...", "Text", is_list=True),
+                HopsParameter(
+                    "lengths", "L", "Lengths of the members, in the unit of the model.", "Number", is_list=True
+                ),
+                HopsParameter(
+                    "widths", "W", "Mean widths of the members, in the unit of the model.", "Number", is_list=True
+                ),
             ),
             solve_members,
         ),
@@ -193,7 +197,7 @@ COMPONENTS = {
                 HopsParameter("cut", "Cu", "Lines to cut.", "Curve", is_list=True),
                 HopsParameter("holes", "Ho", "Holes to drill.", "Curve", is_list=True),
                 HopsParameter("marks", "En", "Lines and letters to engrave.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "Of the parts.", "Text", is_list=True),
+                HopsParameter("names", "Na", "Names of the parts.", "Text", is_list=True),
                 NOTES,
             ),
             solve_parts,
