@@ -153,7 +153,8 @@ def lettering(**settings_of_chart: Any) -> Iterator[None]:
 
     # matplotlib warns of a missing font, but the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
-    with mpl.rc_context({**FONT, **settings_of_chart}):
+    settings: dict[Any, Any] = {**FONT, **settings_of_chart}
+    with mpl.rc_context(settings):
         yield
 
 
