@@ -110,8 +110,8 @@ def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
         raise DsfabError(f"--best {count} is less than 1; give 1 or more")
     best_rows = best_of(sweep.rows(), metric, plan.limits)[:count]
     if not best_rows:
-        limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
-        raise DsfabError(f"no run of {sweep.path} is done{limits} with a {metric}")
+        limits = f" that meets {', '.join(plan.constraints)}" if plan.constraints else ""
+        raise DsfabError(f"{sweep.path} has no finished run with a value of {metric}{limits}; continue the sweep")
     keys = list(dict.fromkeys(key for row in best_rows for key in row.changes))
     short = short_names(keys)
     metrics = [metric, *(name for name in plan.measured_metrics if name != metric)]

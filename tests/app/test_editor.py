@@ -357,7 +357,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
         first = session.ask_solve({})
         sketch, _ = unpacked(session.first_model())
         assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
-        with pytest.raises(DsfabError, match="nothing is solved yet"):
+        with pytest.raises(DsfabError, match="has no solution yet"):
             session.ask_members(judged=False)
         goes_on.set()
         wait(session.jobs, first)

@@ -133,7 +133,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         (["dome", "--to", "calculx"], "'calculx' is not a format; did you mean calculix?"),
         (["dome", "--to", "xyz"], "'xyz' is not a format; use one of calculix, stl"),
         (["dome", "--to", "dwg"], "dsfab export does not write 'dwg'; write dxf, which programs for DWG can read"),
-        (["dome", "--to", "pdf"], "dsfab export does not write 'pdf'; `dsfab compare` and `dsfab report` write reports as PDF"),
+        (["dome", "--to", "pdf"], "dsfab export does not write 'pdf'; `dsfab compare` and `dsfab report`"),
         (["dome", "-o", "part.dwg"], "dsfab export does not write 'dwg'"),
         (["dome", "--to", "calculix", "-o", "dome.stl"], "-o dome.stl does not end in .inp; --to calculix"),
         (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds only solids; leave out --sheet"),

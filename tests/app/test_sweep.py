@@ -222,7 +222,9 @@ def test_questions_that_a_sweep_cannot_answer(here, capsys):
     run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s", "--constraint", "pieces == 99")
     assert "s has no run 9; give a number from 1 to 4" in refused(capsys, "s", "--build", "9")
     assert "has no values of 'mass'" in refused(capsys, "s", "--best", "1", "--by", "mass")
-    assert "no run of s is done and meets pieces == 99" in refused(capsys, "s", "--best", "1", "--by", "kept_share")
+    assert "s has no finished run with a value of kept_share that meets pieces == 99" in refused(
+        capsys, "s", "--best", "1", "--by", "kept_share"
+    )
 
 
 @pytest.mark.parametrize(

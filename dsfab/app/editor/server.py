@@ -141,16 +141,20 @@ class EditorHandler(BaseHTTPRequestHandler):
         elif parts.path == "/api/file":
             self._file(_number_field(query, "build"), _number_field(query, "index"))
         else:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
 
     def _post(self) -> None:
         parts = urlsplit(self.path)
         self._check_token(parse_qs(parts.query))
         if self.headers.get_content_type() != "application/json":
-            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
+            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "the request is not of the type application/json")
         handle = HANDLERS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
         if handle is None:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
         self._json(handle(self.server.session, self._body()))
 
     def _body(self) -> RequestFields:
@@ -177,7 +181,9 @@ class EditorHandler(BaseHTTPRequestHandler):
     def _static(self, name: str) -> None:
         content = self.server.static.get(name)
         if content is None or name == "index.html":
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
         kind = KINDS.get("." + name.rpartition(".")[2], "text/plain")
         self._bytes(content, f"{kind}; charset=utf-8")
 

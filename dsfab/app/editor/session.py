@@ -201,7 +201,7 @@ class Session:
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("nothing is solved yet")
+            raise DsfabError("the design has no solution yet; wait for its first picture")
         return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
@@ -223,7 +223,7 @@ class Session:
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("nothing is solved yet")
+            raise DsfabError("the design has no solution yet; wait for its first picture")
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
