@@ -408,7 +408,7 @@ def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Pat
         shown[layers] = int(((red - green > 30) & (blue - green > 30)).sum())  # purple
     assert shown["none"] == 0
     assert min(shown["reactions"], shown["all"]) > 20
-    assert "--layers 'birds' is not known" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
+    assert "--layers 'birds' is unknown" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
 
 
 @pytest.mark.slow
