@@ -23,25 +23,21 @@ TIMING_COLUMNS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, seconds: the columns of the paper's Table 2, and further stages after these.
-
-`stripes` are evenly spaced: directions, densities and phases, which replace the modes.
-"""
+"""Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
+`stripes` is the time for evenly spaced stripes: their directions, densities and phases."""
 
 SCALING = (10_000, 40_000, 100_000)  # Vertices of the surfaces of `--scaling`.
 SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertices of `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
-"""Columns of `--stages statics`, seconds.
-
-`solve` is the solution without the factorisation. `cpu` is processor time for `total`, to compare on a busy machine.
-"""
+"""Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
+`cpu` is the processor time of `total`, for comparisons on a busy machine."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Workload:
-    """Stages to time, and numbers of vertices."""
+    """Stages to time, and vertex counts of the meshes."""
 
     scaling: Annotated[
         bool,
@@ -51,15 +47,13 @@ class Workload:
             "with --stages statics also 250 and 500 thousand.",
         ),
     ] = False
-    vertices: Annotated[str | None, Parameter(help="Other numbers for --scaling, such as 10000,40000.")] = None
+    vertices: Annotated[str | None, Parameter(help="Vertex counts for --scaling, such as 10000,40000.")] = None
     stages: Annotated[
         Literal["all", "statics"], Parameter(help="Time every stage, or the parts of the statics alone.")
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the numbers of vertices; empty for the preset's own. Raises DsfabError for a text that is not a
-        list.
-        """
+        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError for another text than a list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -68,7 +62,7 @@ class Workload:
             counts = ()
         if not counts or min(counts) < 100:
             raise DsfabError(
-                f"--vertices {self.vertices!r} is no list of numbers from 100 up; write for example 10000,40000"
+                f"--vertices {self.vertices!r} is not a list of numbers from 100 up; write for example 10000,40000"
             )
         return counts
 
@@ -86,8 +80,7 @@ def bench(
 ) -> int:
     """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
 
-    Export writes and reads back the preset's formats, without STEP unless --step is set.
-    """
+    Export writes and reads back the preset's formats, without STEP unless --step is set."""
     if preview:
         return _bench_preview(presets, json_)
     sizes = work.sizes()
@@ -109,7 +102,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
     from dsfab.app.bench_preview import PIXELS, SIZES, frame_rates, rates_table
 
     if presets:
-        raise DsfabError(f"bench --preview draws a surface of its own, leave {presets[0]!r} away")
+        raise DsfabError(f"bench --preview draws its own surface and takes no preset; leave out {presets[0]!r}")
     reporter = Reporter(quiet=as_json)
     reporter("bench", f"drawing {', '.join(f'{n:,}' for n in SIZES)} triangles at {PIXELS[0]} x {PIXELS[1]}")
     with reporter:
@@ -119,23 +112,21 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """Return overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
-    The function reads every preset, so that a mistake in a later preset appears before the first run."""
-    surface = source.read_preset(name).surface
+    surface = source.read_preset(name).surface  # a mistake in a later preset appears before the first run
     if not vertex_counts:
         return [()]
     edge = getattr(surface, "edge", None)
     if not edge:
         raise DsfabError(
-            f"--scaling changes surface.edge, which {name} does not have; choose a preset with a shape, or give a mesh "
-            "one (--set surface.edge=0.3)"
+            f"preset {name} has no surface.edge, which --scaling changes; choose a preset with a shape, or add "
+            "--set surface.edge=0.3"
         )
-    current_count = surface.build().n
+    current_count = surface.build().n  # the number of vertices grows with 1 / edge^2
     return [(f"surface.edge={edge * (current_count / n) ** 0.5:.6g}",) for n in vertex_counts]
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """Return seconds per row, peak memory in MiB, and sizes of a single run in this process."""
+    """Run a preset in this process; return seconds per stage, peak memory in MiB, and mesh sizes."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
@@ -166,7 +157,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
-    """Return seconds per part, peak memory in MiB, and sizes of the statics alone, in this process."""
+    """Run the statics alone in this process; return seconds per part, peak memory in MiB, and mesh sizes."""
     from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read_preset(name), Log(None)

@@ -1,4 +1,4 @@
-"""The command `dsfab bench --preview`: pictures a second of the plain mesh and of stripes, in software and hardware."""
+"""The command `dsfab bench --preview`: drawn frames per second, on the graphics card and by the processor."""
 
 import json
 import os
@@ -22,9 +22,7 @@ if TYPE_CHECKING:
     from dsfab.render.view import View
 
 SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
-
 PIXELS = (1024, 768)
-
 SECONDS = 4.0  # Seconds of each measurement, which takes at least five pictures of each kind.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
@@ -33,8 +31,7 @@ SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generi
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
-    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
-    The fields are the two angles of the torus, because the time does not depend on the fields."""
+    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and fields (n, 6) for a `StripeShader`."""
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
     i, j = np.meshgrid(np.arange(columns), np.arange(rows), indexing="ij")
@@ -44,17 +41,17 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     corner, east = (i * rows + j).ravel(), ((i + 1) % columns * rows + j).ravel()
     north, northeast = (i * rows + (j + 1) % rows).ravel(), ((i + 1) % columns * rows + (j + 1) % rows).ravel()
     F = np.concatenate([np.stack([corner, east, northeast], axis=1), np.stack([corner, northeast, north], axis=1)])
-    no_distance = np.full(len(V), np.inf)
+    no_distance = np.full(len(V), np.inf)  # any fields serve, because the time does not depend on their values
     half = 0.25 + 0.1 * np.cos(a)
     return V, F, np.stack([np.sin(a), np.sin(b), half, half, no_distance, no_distance], axis=1)
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Measure frames per second in this process, by kind.
-    plain, shader : the mesh alone; stripes with new numbers before each frame.
-    graded, walls : stripes with widths and a reach at the vertices; stripes with the walls of the sheet.
-    over_clock, over_cpu : time of a frame with the shader over a plain frame, by the clock and by the processor.
-    change_ms, peak_mb   : milliseconds of a change of numbers; peak memory, MiB."""
+    """Measure frames per second in this process, for each kind of picture.
+    plain, shader : the mesh alone; the mesh with stripes, whose settings change before each frame.
+    graded, walls : stripes of varying width; stripes with the walls of the sheet.
+    over_clock, over_cpu : time of a frame of kind shader over a frame of kind plain, by the clock and by the processor.
+    change_ms, peak_mb   : milliseconds of a change of settings; peak memory, MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader
@@ -79,7 +76,7 @@ def measure(triangles: int) -> dict[str, Any]:
     clock, cpu, change_times = (
         {kind: median(row[k] for row in rows[1:]) for kind, rows in frame_times.items()} for k in range(3)
     )
-    return {  # medians ignore the first row, whose time includes compilation
+    return {  # the medians ignore the first frame, because its time includes compilation
         "triangles": len(F),
         "renderer": renderer,
         **{kind: 1 / seconds for kind, seconds in clock.items()},
@@ -94,7 +91,7 @@ def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
-    for kinds in (("plain", "shader", "graded"), ("walls",)):  # in turns: a busy machine slows all kinds equally
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate: a busy machine slows each equally
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in kinds:
@@ -116,13 +113,14 @@ def _change_settings(stripes: "StripeShader", number: int, kind: str, eye: Float
     if kind == "walls":
         stripes.show_walls(eye, 0.01)
         return
-    graded = kind == "graded"
-    half, reach = ((BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)) if graded else ((0.2, 0.15), (NO_REACH, NO_REACH))
+    half, reach = (0.2, 0.15), (NO_REACH, NO_REACH)
+    if kind == "graded":
+        half, reach = (BY_VERTEX, BY_VERTEX), (0.1, NO_REACH)
     stripes.set(StripeSettings((4 + 0.1 * number, 9.0), (0.0, 0.0), half, reach))
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """Measure each size in a separate process: first with hardware, then also in software."""
+    """Measure each mesh size in a process of its own, by the graphics card and then by the processor."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]
@@ -139,7 +137,7 @@ def _in_own_process(triangles: int, variables: dict[str, str]) -> dict[str, Any]
 
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
-    """Return the rows as text, with the renderer and its kind."""
+    """Return the measured rows as a text table, with the renderer's name."""
     frames = tuple(f"{kind} fps" for kind in KINDS)
     head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(

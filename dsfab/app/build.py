@@ -2,7 +2,7 @@
 
 import json
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,35 +11,36 @@ from cyclopts import Parameter
 
 from dsfab.app.export import ALIASES, CALCULIX, CALCULIX_SUFFIX, format_suffix
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, estimate_step
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import ExportError
 from dsfab.core.messages import byte_size, sentence
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.preset.model import Export, Preset
-    from dsfab.preset.proposal import Proposal
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Folder and formats of a build, and whether it accepts faults."""
+    """Folder and formats of a build, and permission to write a faulty design."""
 
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
         None
     )
     format_: Annotated[
-        str | None, Parameter(name=["--format", "-f"], help="Comma list; `dsfab export --help` names them all.")
+        str | None, Parameter(name=["--format", "-f"], help="Formats with commas; `dsfab export --help` lists all.")
     ] = None
 
     accept: Annotated[
         bool,
-        Parameter(negative=(), help="Write it although nothing carries a load, or although it is as thin as a film."),
+        Parameter(
+            negative=(), help="Write the files even if a load has no support, or if the sheet is as thin as a film."
+        ),
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
-        """Return formats and acceptance as KEY=VALUE of the preset. Raises ExportError for an unknown format."""
+        """Return formats and permission as KEY=VALUE texts for the preset. Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
@@ -51,22 +52,22 @@ class Files:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureFlags:
-    """Pictures of a build."""
+    """Pictures that a build draws."""
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
-        bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
+        bool, Parameter(negative=(), help="Also make fabrication.png, which marks the smallest member, gap and wall.")
     ] = False
 
     def check_ahead(self) -> None:
-        """Start a check whether this machine can draw; `possible` has the result."""
+        """Start a check in the background whether this machine can draw."""
         from dsfab.render.opengl import probe_ahead
 
         if self.picture or self.marked:
             probe_ahead()
 
     def drawable(self, reporter: Reporter) -> "PictureFlags":
-        """Return the flags without pictures if this machine cannot draw, so that the build itself continues."""
+        """Return these flags, or flags without pictures if this machine cannot draw."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
@@ -100,11 +101,15 @@ def build(
     if not step.estimate:
         pictures.check_ahead()
     from dsfab.design import run
-    from dsfab.export import require_writable
+    from dsfab.export import FORMATS, require_writable
     from dsfab.report.design.save import ready_to_draw, save
 
-    proposal, loaded = _read_preset(preset, source.with_overrides(*files.preset_overrides(), *step.overrides()), quiet)
-    _require_formats(loaded.export.formats)
+    source = source.with_overrides(*files.preset_overrides(), *step.overrides())
+    proposal = source.proposal(preset)
+    print_lines(proposal.lines if proposal and not quiet else ())
+    loaded = source.read_preset(preset, proposal)
+    for suffix in loaded.export.formats:
+        FORMATS["." + suffix].ready()
     reporter = Reporter(quiet)
     if step.estimate:
         return estimate_step(loaded, reporter)
@@ -122,23 +127,16 @@ def build(
     if not quiet:
         _summary(design, folder, saved.facts)
     if saved.refused:
-        step_requested = files.format_ is not None or not (proposal or _step_is_optional(design.preset.export))
-        _report_refusal(saved.refused, design.preset, None if step_requested else folder, reporter)
+        is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
+        _report_refusal(saved.refused, design.preset, folder if is_optional else None, reporter)
     return 0
 
 
 def _format(word: str) -> str:
     suffix = format_suffix(word)
     if suffix == CALCULIX_SUFFIX:
-        raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
+        raise ExportError(f"format {word!r} is not a file of a build; write it with dsfab export --to {CALCULIX}")
     return ALIASES.get(suffix, suffix)[1:]
-
-
-def _read_preset(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
-    proposal = source.proposal(name)
-    for line in proposal.lines if proposal and not quiet else ():
-        print_result(line)
-    return proposal, source.read_preset(name, proposal)
 
 
 def _step_is_optional(export: "Export") -> bool:
@@ -146,14 +144,11 @@ def _step_is_optional(export: "Export") -> bool:
 
 
 def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Report a missing file. Raise ExportError instead if the user requested this file (`folder` is None)."""
+    """Report a refused file; raise ExportError instead if the user requested this file (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
-    quick = preset.export.step == "quick"
-    longer = (
-        f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes" if quick else ""
-    )
-    reporter.print_line(f"export      left out: {why}{longer}")
+    longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes"
+    reporter.print_line(f"export      left out: {why}{longer if preset.export.step == 'quick' else ''}")
 
 
 def _fix_design(design: "Design", reporter: Reporter) -> "Design":
@@ -168,21 +163,13 @@ def _fix_design(design: "Design", reporter: Reporter) -> "Design":
     return fix_result.design
 
 
-def _require_formats(formats: Sequence[str]) -> None:
-    from dsfab.export import FORMATS
-
-    for suffix in formats:
-        FORMATS["." + suffix].ready()
-
-
 def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     from dsfab.render.design_picture import caption
     from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
     from dsfab.report.design.inspection import fabrication_lines, load_lines, quality_lines
     from dsfab.report.design.statics import answer_lines, case_lines
 
-    solid = design.solid
-    pieces = design.solid.pieces
+    solid, pieces = design.solid, design.solid.pieces
     if losing_words := facts.get("loses_to"):
         print_result(sentence(losing_words))
     if design.preset.description:
@@ -193,15 +180,9 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    searches = (
-        *attempt_lines(design.pattern.attempts),
-        *choice_lines(design.pattern.choice),
-        *alternative_lines(facts),
-    )
-    for line in (*load_lines(facts), *searches, *case_lines(design), *answer_lines(design), *measures):
-        print_result(line)
-    for note in design.notes:
-        print_result(f"note ({note.stage}): {note.text}")
+    found = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
+    print_lines((*load_lines(facts), *found, *case_lines(design), *answer_lines(design), *measures))
+    print_lines(f"note ({note.stage}): {note.text}" for note in design.notes)
     for path in sorted(folder.iterdir()):
         if path.is_file():
             print_result(f"  {path}  {byte_size(path.stat().st_size)}")

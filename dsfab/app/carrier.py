@@ -1,4 +1,4 @@
-"""Designs and presets as bytes, for another process of dsfab."""
+"""Pickled designs and presets, for another process of dsfab."""
 
 import io
 import pickle
@@ -13,7 +13,7 @@ from dsfab.preset.model import Preset
 
 class _DraftPickler(pickle.Pickler):
     def reducer_override(self, thing: object) -> Any:
-        if isinstance(thing, Preset):  # parts of a preset have classes that exist only after the import of dsfab
+        if isinstance(thing, Preset):  # pickle cannot find the classes that dsfab makes at import
             return preset_from_text, (preset_toml(thing),)
         if isinstance(thing, MappingProxyType):
             return _proxy, (dict(thing),)
@@ -21,7 +21,7 @@ class _DraftPickler(pickle.Pickler):
 
 
 def pickled(thing: object) -> bytes:
-    """Return a draft as bytes for `pickle.loads` in another process, also with types that pickle does not support."""
+    """Pickle a value for another process; also a preset, or a value that holds read-only mappings."""
     file = io.BytesIO()
     _DraftPickler(file, protocol=5).dump(thing)
     return file.getvalue()

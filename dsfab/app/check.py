@@ -1,4 +1,4 @@
-"""The command `dsfab check`: reads the workshop's file again and judges it."""
+"""The command `dsfab check`: read an exported file again and judge it."""
 
 import json
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from dsfab.app.check_nonlinear import LINEAR_FILE_CHECK, Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import length, mass
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ QUESTIONS = {
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Expected:
-    """The design that a file should hold."""
+    """The expected design of a file."""
 
     preset: Annotated[
         str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
@@ -41,12 +41,12 @@ class Expected:
     set_: Set = ()
 
     def preset_name(self, file: Path) -> str | None:
-        """Return the preset of the command line, or the preset beside the file, if any."""
+        """Return the preset of the command line, or the preset file beside the checked file; None without both."""
         neighbour = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(neighbour) if neighbour.is_file() else None
 
     def read_preset(self, name: str) -> "Preset":
-        """Return the preset of this name, or the preset of the built folder of this name."""
+        """Return the preset of a name, a file, or a built folder."""
         folder = built_folder(name)
         return Source(self.set_).read_preset(str(folder / "preset.toml") if folder else name)
 
@@ -62,7 +62,7 @@ class Reading:
 
     @property
     def triangle_limit(self) -> int:
-        """Triangles that the file may have."""
+        """Largest number of triangles of the file."""
         from dsfab.surface import DEFAULT_TRIANGLES
 
         return self.max_triangles or DEFAULT_TRIANGLES
@@ -92,8 +92,7 @@ def check(
     Parameters
     ----------
     file
-        STL, 3MF or STEP; with --nonlinear a preset, or a folder that `dsfab build` wrote.
-    """
+        STL, 3MF or STEP; with --nonlinear a preset, or a folder that `dsfab build` wrote."""
     if nonlinear.nonlinear:
         return check_nonlinear(str(file), Source(expected.set_), nonlinear, json_, quiet)
     from dsfab.study.file_check import check_contents
@@ -105,8 +104,7 @@ def check(
     if json_:
         print_result(json.dumps(check_facts(checked, name), indent=2))
     elif not quiet:
-        for line in check_lines(checked, name):
-            print_result(line)
+        print_lines(check_lines(checked, name))
     return 0 if checked.has_passed else 1
 
 
@@ -127,7 +125,7 @@ def _read_file(
 
 
 def check_facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """Return the results as plain data, SI units; null for quantities that could not be measured."""
+    """Return the results for JSON, in SI units; null stands for a quantity that dsfab could not measure."""
     soundness, clearances = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
@@ -189,7 +187,7 @@ def _clearance_facts(clearance: "Clearance | None") -> dict[str, Any] | None:
 
 
 def check_lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
-    """Yield the results as text: the verdicts first, then the numbers."""
+    """Yield the results as lines of text, the verdicts before the numbers."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
     yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")
@@ -216,18 +214,11 @@ def _number_rows(checked: "FileCheck") -> Iterator[tuple[str, str]]:
         yield "thinnest wall", _clearance_words(clearances.wall)
         yield "smallest gap", _clearance_words(clearances.gap)
     if distance is not None:
-        yield (
-            "skins, off t/2",
-            f"{_distance_words(distance.skin_mean)} on average, {_distance_words(distance.skin)} at most",
-        )
-        yield (
-            "file to design",
-            f"{_distance_words(distance.to_design)} at most, at {_place_words(distance.to_place.tolist())}",
-        )
-        yield (
-            "design to file",
-            f"{_distance_words(distance.from_design)} at most, at {_place_words(distance.from_place.tolist())}",
-        )
+        mean, largest = _distance_words(distance.skin_mean), _distance_words(distance.skin)
+        yield "skins, off t/2", f"{mean} on average, {largest} at most"
+        to_place, from_place = _place_words(distance.to_place.tolist()), _place_words(distance.from_place.tolist())
+        yield "file to design", f"{_distance_words(distance.to_design)} at most, at {to_place}"
+        yield "design to file", f"{_distance_words(distance.from_design)} at most, at {from_place}"
     if (carrying := checked.carrying) is not None:
         yield "compliance as a solid", f"{carrying.solid:.4g} J, {carrying.tetrahedra:,} ten-node tetrahedra"
         yield "compliance as a shell", f"{carrying.shell:.4g} J, {carrying.elements} on the cut sheet"
@@ -261,17 +252,12 @@ def _reason(finding: "Finding", checked: "FileCheck") -> str:
 
 def _unit_reason(checked: "FileCheck") -> str:
     read = checked.found.unit
-    if checked.distance is not None:
-        distance = checked.distance
+    if (distance := checked.distance) is not None:
         return (
             f"read in {read} it is {distance.scale:.4g} times the design's size: its numbers look like "
-            f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know"
+            f"{distance.meant_unit}; scale the file, or give --unit if its receiver will know the unit"
         )
     wall = checked.clearances.wall if checked.clearances else None
-    size = length(wall.size) if wall else "nothing"
-    is_thin = wall is not None and wall.size < 1
-    likely_unit = "metres" if is_thin else "micrometres"
-    return (
-        f"read in {read} its thinnest wall is {size}: its numbers look like {likely_unit}; scale the file or "
-        "give --unit"
-    )
+    likely_unit = "metres" if wall is not None and wall.size < 1 else "micrometres"
+    words = f"its thinnest wall is {length(wall.size) if wall else 'nothing'}: its numbers look like {likely_unit}"
+    return f"read in {read} {words}; scale the file or give --unit"

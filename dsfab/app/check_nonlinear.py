@@ -1,4 +1,4 @@
-"""The command `dsfab check DESIGN --nonlinear`: load limit with large displacements, by CalculiX."""
+"""The command `dsfab check DESIGN --nonlinear`: CalculiX finds the load limit, with large displacements."""
 
 import json
 from collections.abc import Iterator
@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import Source
-from dsfab.app.terminal import Reporter, print_result, signals_as_interrupts
+from dsfab.app.terminal import Reporter, print_lines, print_result, signals_as_interrupts
 from dsfab.core.messages import length
 
 if TYPE_CHECKING:
@@ -33,19 +33,20 @@ class Nonlinear:
         str | None, Parameter(help="The load case or combination [the first combination, else the first case].")
     ] = None
     imperfection: Annotated[
-        float | None, Parameter(help="Metres, in the shape of the first buckling [the longest side / 300].")
+        float | None,
+        Parameter(help="Imperfection in metres, shaped like the first buckling mode [the longest side / 300]."),
     ] = None
     check_edge: Annotated[
         float | None,
         Parameter(
-            help="Edge of the triangles, metres. If the design's edges are shorter, it is cut again with these, "
-            "without fillets; 0: the sheet as it is [the design's, without fillets]."
+            help="Edge length of the triangles, metres. A design with shorter edges is cut again with this length, "
+            "without fillets; 0: the sheet as it is [the design's length, without fillets]."
         ),
     ] = None
-    minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
+    minutes: Annotated[float, Parameter(help="Time limit for each of the two or three runs of CalculiX.")] = 60.0
 
 
-LINEAR_FILE_CHECK = Nonlinear()  # Options for the check of a file, which is linear.
+LINEAR_FILE_CHECK = Nonlinear()  # Default options: a linear check of a file.
 
 
 def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool, quiet: bool) -> int:
@@ -63,13 +64,12 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
     if as_json:
         print_result(json.dumps(nonlinear_facts(result), indent=2))
     elif not quiet:
-        for line in nonlinear_lines(result):
-            print_result(line)
+        print_lines(nonlinear_lines(result))
     return int(result.given_way and result.limit < 1)
 
 
 def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
-    """Return the result as numbers in SI units."""
+    """Return the result for JSON, in SI units."""
     return {
         "case": result.case,
         "linear_factor": result.linear,
@@ -85,7 +85,7 @@ def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:
 
 
 def nonlinear_lines(result: "NonlinearCheck") -> Iterator[str]:
-    """Yield the result as text."""
+    """Yield the result as lines of text."""
     yield result.sentence
     situation = "under its load" if result.limit >= 1 or not result.given_way else "where it gives way"
     yield (

@@ -1,8 +1,7 @@
-"""The command line. Only this module prints and exits.
+"""The command line. Only this module prints errors and exits.
 
-Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 3 missing runs of a sweep, 70 a bug
-(a sentence, and the name of a file with details), 130 stopped by Ctrl-C.
-"""
+Exit codes: 0 done; 1 refused input, with a sentence on standard error; 2 wrong usage; 3 missing runs of a sweep; 70 a
+bug, with a sentence that names a file of details; 130 stopped by Ctrl-C."""
 
 import gc
 import os
@@ -22,8 +21,7 @@ from dsfab import __version__
 from dsfab.core.errors import DsfabError
 
 DONE, REFUSED, WRONG_USAGE, MISSING, MISTAKEN, STOPPED = 0, 1, 2, 3, 70, 130
-
-LISTS = ("-f", "--format", "--against")  # Options with several values, separated by commas.
+LISTS = ("-f", "--format", "--against")  # Options that take several values with commas.
 
 app = App(
     name="dsfab",
@@ -32,7 +30,7 @@ app = App(
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
-# commands are texts, so that Python imports only the module of the command in use
+# a command is registered as a text, so that Python imports only the module in use
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
@@ -67,11 +65,11 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by s
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments is None:  # garbage collections after every 700 new objects take a tenth of the time of importing
+    if arguments is None:  # fewer garbage collections: imports are a tenth faster
         gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
-            if arguments is None and not sys.warnoptions:  # the user has not set warnings by -W
+            if arguments is None and not sys.warnoptions:  # python's option -W takes precedence
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except RepeatArgumentError as error:
@@ -86,7 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         sys.stderr.close()
         return DONE
     except MemoryError as error:
-        return _fail(MISTAKEN, f"there is not enough memory for this; make the mesh coarser{_details(words, error)}")
+        return _fail(MISTAKEN, f"the memory is too small; make the mesh coarser{_details(words, error)}")
     except Exception as error:  # handler of last resort for bugs
         return _fail(MISTAKEN, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return code if isinstance(code, int) else DONE
@@ -95,7 +93,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _given_twice(words: Sequence[str], option: str) -> str:
     values = [value for word, value in pairwise(words) if word == option]
     listed = f", with commas: {option} {','.join(values)}" if option in LISTS and len(values) > 1 else ""
-    return f"{option} is there more than once; give it once{listed}"
+    return f"option {option} appears more than once; give it once{listed}"
 
 
 def _details(words: Sequence[str], error: BaseException) -> str:

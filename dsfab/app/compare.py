@@ -1,4 +1,4 @@
-"""The command `dsfab compare`: designs against competitors of the same mass."""
+"""The command `dsfab compare`: a design beside competitors of the same mass."""
 
 import csv
 import json
@@ -18,7 +18,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
 from dsfab.core.messages import value_with_bound as bounded
 from dsfab.export import atomic_folder, require_writable
-from dsfab.report.comparison_files import write_results
+from dsfab.report.comparison_files import summary_document, write_results
 from dsfab.report.compliance.findings import percent, within
 from dsfab.report.design.facts import versions
 from dsfab.study import losing_line
@@ -31,22 +31,13 @@ if TYPE_CHECKING:
 
 
 HEAD = (
-    "structure",
-    "variant",
-    "mass",
-    "kept",
-    "compliance",
-    "level",
-    "over full",
-    "over design",
-    "moves",
-    "pieces",
-    "s",
+    *("structure", "variant", "mass", "kept", "compliance", "level"),
+    *("over full", "over design", "moves", "pieces", "s"),
 )
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """Return a table of the structures that carry the loads, then remarks."""
+    """Return a table of the structures that carry the loads, and remarks below it."""
     losing_words = losing_line(result.alternatives)
     lines = [sentence(losing_words)] if losing_words else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
@@ -56,22 +47,16 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
             lines.append(f"{entry.name} does not carry the loads: {entry.error}")
         elif entry.spread:
             lines.append(_spread_line(entry, result))
-    lines += _theory_lines(result)
+    theories = {entry.name: entry.judgement.theory for entry in result.competitors if entry.judgement}
+    if softer := [f"{name} by up to {percent(theory)}" for name, theory in theories.items() if theory]:
+        lines.append(f"thin-shell theory: solids are softer, {', '.join(softer)}")
     lines += [line for entry in result.competitors for line in _mode_lines(entry)]
     for entry in result.rivals:
         gain = result.gain(entry.name)
         if entry.judgement and result.design.judgement:
-            best_word = "best " if entry.spread else ""
-            lines.append(
-                f"the design is {gain:.3g} x as stiff as the {best_word}{entry.name} structure of the same mass"
-            )
+            name = f"best {entry.name}" if entry.spread else entry.name
+            lines.append(f"the design is {gain:.3g} x as stiff as the {name} structure of the same mass")
     return "\n".join(lines)
-
-
-def _theory_lines(result: "Comparison") -> list[str]:
-    judged = {competitor.name: competitor.judgement.theory for competitor in result.competitors if competitor.judgement}
-    softer = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
-    return [f"thin-shell theory: solids are softer, {', '.join(softer)}"] if softer else []
 
 
 def _mode_lines(competitor: "Competitor") -> list[str]:
@@ -85,9 +70,8 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
         words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
     refused = list(dict.fromkeys(text for case in cases for text in case.refusals))
-    return [f"{competitor.name} {' and '.join(words)}{assumed}"] * bool(words) + [
-        f"{competitor.name}: {text}" for text in refused
-    ]
+    lines = [f"{competitor.name} {' and '.join(words)}{assumed}"] if words else []
+    return lines + [f"{competitor.name}: {text}" for text in refused]
 
 
 def _competitor_cells(competitor: "Competitor", result: "Comparison") -> tuple[str, ...]:
@@ -111,28 +95,25 @@ def _competitor_cells(competitor: "Competitor", result: "Comparison") -> tuple[s
 def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     spread, full = competitor.spread, result.full.compliance
     assert spread is not None
-    return (
-        f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads, from "
-        f"{spread.best / full:.3g} to "
-        f"{spread.worst / full:.3g} x the full sheet, {spread.mean / full:.3g} x in the mean"
-    )
+    best, worst, mean = (f"{value / full:.3g}" for value in (spread.best, spread.worst, spread.mean))
+    words = f"{competitor.name}: {spread.carried} of {spread.tried} variants carry the loads"
+    return f"{words}, from {best} to {worst} x the full sheet, {mean} x in the mean"
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]  # A share (None: the design's), and its comparison.
+ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface, None for the design's own; result.
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """Options of a comparison."""
+    """Options of a comparison: competitors, shares of the surface, and checks."""
 
     against: Annotated[
         str | None,
         Parameter(help="Comma list: isotropic, rotated, thinner, von_mises, grid, simp [isotropic,thinner]."),
     ] = None
     volumes: Annotated[
-        str | None,
-        Parameter(help="LOW:HIGH:COUNT shares of the surface, such as 0.2:0.8:7: compare at each of them too."),
+        str | None, Parameter(help="Also compare at these shares of the surface: LOW:HIGH:COUNT, such as 0.2:0.8:7.")
     ] = None
     level: Annotated[
         Literal["quick", "full"] | None,
@@ -141,13 +122,13 @@ class Questions:
             "the design, and for the best of each competitor if all take less than a minute; quick for --volumes]."
         ),
     ] = None
-    buckling: Annotated[bool, Parameter(negative=(), help="Also the lowest load factor of each.")] = False
-    frequency: Annotated[bool, Parameter(negative=(), help="Also the lowest natural frequency of each.")] = False
+    buckling: Annotated[bool, Parameter(negative=(), help="Also compute the lowest buckling factor of each.")] = False
+    frequency: Annotated[bool, Parameter(negative=(), help="Also compute the lowest frequency of each.")] = False
     memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
 
     @property
     def competitor_names(self) -> tuple[str, ...]:
-        """Names of the competitors. Raises DsfabError for an unknown one."""
+        """Names of the competitors. Raises DsfabError for an unknown name."""
         from dsfab.study.baselines import DEFAULT, baselines_by_name
 
         words = () if self.against is None else tuple(self.against.split(","))
@@ -157,9 +138,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Shares of the surface for further comparisons; '0.2:0.8:7' gives seven. Raises DsfabError for a different
-        form.
-        """
+        """Further shares of the surface: '0.2:0.8:7' gives seven. Raises DsfabError for a text in another form."""
         if self.volumes is None:
             return []
         try:
@@ -175,7 +154,7 @@ class Questions:
         return shares
 
     def words(self) -> list[str]:
-        """Return the words of a command line with these options."""
+        """Return these options as words of a command line."""
         options = {"against": self.against, "volumes": self.volumes, "level": self.level}
         options |= {"memory": str(self.memory) if self.memory != Questions.memory else None}
         words = [word for name, value in options.items() if value is not None for word in (f"--{name}", value)]
@@ -195,15 +174,15 @@ class Results:
             help="Folder for the results [outputs/NAME/compliance]; of several presets, a folder each in it.",
         ),
     ] = None
-    resume: Annotated[
-        bool, Parameter(negative=(), help="Leave out presets that were compared already, by the same command.")
-    ] = False
+    resume: Annotated[bool, Parameter(negative=(), help="Skip presets that the same command has compared already.")] = (
+        False
+    )
     report: Annotated[bool, Parameter(help="Also write report.html and report.pdf.")] = True
 
 
 @dataclass(frozen=True)
 class CompareTask:
-    """A comparison: the preset with its changes, the options, and whether to write a report."""
+    """A preset with its changes, the options of its comparison, and whether to write a report."""
 
     source: Source
     questions: Questions
@@ -211,14 +190,12 @@ class CompareTask:
 
     def command(self, preset: str) -> str:
         """Return the command line that repeats the comparison, without the folder of the results."""
-        report_flag = [] if self.report else ["--no-report"]
-        return shlex.join(
-            ["dsfab", "compare", *self.source.command_words(preset), *self.questions.words(), *report_flag]
-        )
+        words = [*self.source.command_words(preset), *self.questions.words()]
+        return shlex.join(["dsfab", "compare", *words, *([] if self.report else ["--no-report"])])
 
 
 def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
-    """Compare, write all files and print the result; return 1 if the design does not carry its loads, else 0."""
+    """Compare a design, write all files, print the result; return 1 if the design does not carry its loads, else 0."""
     reporter, questions = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(questions.area_shares) > 1 else ())]
     with reporter:
@@ -238,8 +215,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
-    """Compare the design as it is, and compare it again at each share of the surface.
-    Raises DsfabError for a design without equilibrium. At a share, dsfab reports such a design and leaves it out."""
+    """Compare the design as it is, then at each share of the surface. A failure at a share is reported and skipped."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -262,8 +238,8 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
     except DsfabError as error:
         if not shares:
             raise
-        reporter.print_line(f"compare     the design as its preset draws it is left out: {error}")
-    # one solve is enough for a cut sheet, but a whole sheet on its coarse mesh would seem a quarter too soft
+        reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
+    # a cut sheet needs one solve, but an uncut sheet on its coarse mesh would seem a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -303,7 +279,6 @@ def _write_report(
 
 
 def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | None", files: list[Path]) -> None:
-
     print_result("\n\n".join(comparison_text(share, comparison) for share, comparison in comparisons))
     if findings:
         from dsfab.report.compliance.verdict_words import verdict_line
@@ -315,27 +290,22 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""A line of the summary: `name`, `folder`, `error`; without an error also the results of the design.
-
-The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and
-`seconds`. For each competitor, `NAME_ratio` is its compliance over the design's. None stands for unknown values.
-"""
+"""Row of the summary: `name`, `folder`, `error`, and unless there is an error the design's results, None if unknown.
+The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`,
+and for each competitor `NAME_ratio`: the competitor's compliance over the design's."""
 
 
 @dataclass(frozen=True)
 class Batch:
     """Comparisons of several presets.
-    output : parent folder of the summary and of a folder for each preset; by default outputs/compare."""
+    output : folder of the summary, with a folder for each preset in it; by default outputs/compare."""
 
     task: CompareTask
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all presets and write the summary; return 1 if a preset is invalid or does not carry its loads, else
-        0.
-
-        dsfab reports an invalid preset in a sentence and continues with the next preset.
-        """
+        """Compare all presets, also after an invalid preset, and write the summary.
+        Return 1 if a preset is invalid or a design does not carry its loads, else 0."""
         reporter = Reporter(quiet or as_json)
         rows: list[SummaryRow] = []
         for count, preset in enumerate(presets, start=1):
@@ -358,7 +328,7 @@ class Batch:
             loaded = self.task.source.read_preset(preset)
             folder = self.output / loaded.name if self.output else Path("outputs") / loaded.name / "compliance"
             if folder in taken:
-                raise DsfabError(f"a preset before it is called {loaded.name} too; change `name` in one of the files")
+                raise DsfabError(f"two presets have the name {loaded.name}; change `name` in one of the files")
             name = loaded.name
             if not (resume and _is_current(folder, loaded, command, self.task.report)):
                 compare_one(loaded, self.task, folder, command, quiet=True, as_json=False)
@@ -392,7 +362,6 @@ def _row_of_folder(folder: Path) -> SummaryRow:
 
 
 def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: Path, partial_folder: Path) -> None:
-    from dsfab.report.comparison_files import summary_document
     from dsfab.report.html_pages import document_html
 
     columns = list(dict.fromkeys(key for row in rows for key in row))
@@ -400,12 +369,11 @@ def _write_summary(rows: Sequence[SummaryRow], against: Sequence[str], folder: P
         writer = csv.DictWriter(file, columns, restval="", extrasaction="ignore")
         writer.writeheader()
         writer.writerows(rows)
-    (partial_folder / "summary.html").write_text(
-        document_html(summary_document(rows, against, folder)), encoding="utf-8"
-    )
+    page = document_html(summary_document(rows, against, folder))
+    (partial_folder / "summary.html").write_text(page, encoding="utf-8")
 
 
-DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options and files.
+DEFAULT_QUESTIONS, FULL_RESULTS = Questions(), Results()  # Default options.
 
 
 def compare(
@@ -430,9 +398,8 @@ def compare(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     more
-        Further presets.
-    """
-    _ = questions.competitor_names, questions.area_shares  # report wrong options before reading the preset
+        Further presets."""
+    _ = questions.competitor_names, questions.area_shares  # a wrong option raises its error before the preset is read
     task = CompareTask(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)

@@ -1,4 +1,4 @@
-"""The command `dsfab explore`: many variants of a design on a contact sheet or in a film."""
+"""The command `dsfab explore`: pictures of many variants of a design, on a contact sheet or in a film."""
 
 import shlex
 import time
@@ -22,7 +22,8 @@ from dsfab.render.colouring import preset_with_mode
 from dsfab.render.lettering import PAPER
 from dsfab.render.picture import png_bytes
 from dsfab.render.previewer import Previewers
-from dsfab.report.contact_sheet import ContactTile
+from dsfab.report import contact_sheet as sheets
+from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, ContactTile
 from dsfab.study.variations import (
     Values,
     best_order,
@@ -38,7 +39,7 @@ UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
 
 
 class Variants:
-    """Every combination of `values` of a preset; `base` is the build command of the unchanged preset."""
+    """Variants of a preset with all combinations of `values`. base : command line that builds the preset itself."""
 
     def __init__(
         self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
@@ -48,7 +49,7 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[ContactTile]:
-        """Return all tiles, in the order of the combinations. Raises DsfabError if none has a picture."""
+        """Return a tile for each combination, in order. Raises DsfabError if no variant can be drawn."""
         total = count(self.values)
         if total > UNCONFIRMED_VARIANTS and not yes:
             self._refuse_many(total, reporter)
@@ -59,7 +60,9 @@ class Variants:
             for index in best_order(self.values):
                 tile_by_index[index] = self._tile(index + 1, listed[index], previewers)
         if all(tile.png is None for tile in tile_by_index.values()):
-            raise DsfabError(f"none of the {total} variants can be drawn; the first: {tile_by_index[0].error}")
+            raise DsfabError(
+                f"none of the {total} variants can be drawn; the first fails because: {tile_by_index[0].error}"
+            )
         return [tile_by_index[index] for index in range(total)]
 
     def _previewers(self) -> Previewers:
@@ -79,9 +82,7 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError for too many variants. The message has the expected time, measured on the first valid
-        variant.
-        """
+        """Raise DsfabError because too many variants are requested, with the expected time of all variants."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
@@ -93,7 +94,7 @@ class Variants:
             rows = previewers.design.seconds if previewers.design else {}
         stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
         expected = expected_seconds(self.values, stages, picture)
-        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # pictures take half a byte a pixel
+        files = byte_size(total * 0.5 * self.pixels[0] * self.pixels[1])  # a pixel takes half a byte in a PNG file
         raise DsfabError(
             f"{total:,} variants would take about {_duration_words(expected)} and {files} of pictures; "
             f"add --yes to draw them all, or vary less (up to {UNCONFIRMED_VARIANTS} are drawn without asking)"
@@ -109,7 +110,7 @@ def _duration_words(seconds: float) -> str:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TileOptions:
-    """Options of the pictures, and their folder."""
+    """Options of the pictures, and the folder for them."""
 
     view: View = "iso"
     show: Show = "structure"
@@ -122,7 +123,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """Options of a film over the single key with several values."""
+    """Options of a film, whose pictures follow the values of one key."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
@@ -151,21 +152,16 @@ def explore(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.render.opengl import require_rendering
-    from dsfab.report.contact_sheet import check_film
 
-    loaded, pixels, values = (
-        preset_with_mode(source.read_preset(preset), tile.show),
-        picture_size(tile.size_),
-        parse_variations(vary),
-    )
+    loaded = preset_with_mode(source.read_preset(preset), tile.show)
+    pixels, values = picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
-        for value in listed:  # check each value alone, so that an error appears before the work begins
+        for value in listed:  # an invalid value raises its error before the work begins
             with_overrides(loaded, {key: value})
     if film.animate:
-        check_film(values, film.fps)
+        sheets.check_film(values, film.fps)
     folder = tile.output or Path("outputs") / f"{loaded.name}-explore"
     require_rendering()
     reporter = Reporter(quiet)
@@ -180,33 +176,29 @@ def explore(
 def _draw_variants(
     variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter
 ) -> "list[ContactTile]":
-    from dsfab.report.contact_sheet import pictures_on_page, write_film
-
     name = variants.preset.name
-    with atomic_folder(folder, lambda old, new: pictures_on_page(old) - pictures_on_page(new)) as partial:
+    pictures = sheets.pictures_on_page
+    with atomic_folder(folder, lambda old, new: pictures(old) - pictures(new)) as partial:
         tiles = variants.tiles(reporter, yes)
         _write(tiles, variants, partial)
         if film.animate:
             reporter("preview", f"making {name}.{film.animate}")
-            write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
+            sheets.write_film(tiles, partial / f"{name}.{film.animate}", name, film.fps, PAPER)
     return tiles
 
 
 def _write(tiles: "list[ContactTile]", variants: "Variants", folder: Path) -> None:
-    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, column_count, contact_page, contact_sheet, save
-
     values, pixels = variants.values, variants.pixels
-    column_number = column_count(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
+    columns = sheets.column_count(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
     subtitle = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
-    contact_sheet(tiles, title, subtitle, column_number, 380, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
-    (folder / PAGE_NAME).write_text(contact_page(tiles, title, subtitle, column_number), encoding="utf-8")
-    save(tiles, folder)
+    sheet = sheets.contact_sheet(tiles, title, subtitle, columns, 380, pixels[0] / pixels[1], PAPER)
+    sheet.save(folder / SHEET_NAME)
+    (folder / PAGE_NAME).write_text(sheets.contact_page(tiles, title, subtitle, columns), encoding="utf-8")
+    sheets.save(tiles, folder)
 
 
 def _summary(tiles: "list[ContactTile]", folder: Path, film: Path | None) -> None:
-    from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME
-
     failed = sum(tile.png is None for tile in tiles)
     print_result(f"{len(tiles)} variants" + (f", {failed} of them impossible" if failed else ""))
     print_result(f"  {folder / PAGE_NAME}\n  {folder / SHEET_NAME}")

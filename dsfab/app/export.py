@@ -1,4 +1,4 @@
-"""The command `dsfab export`: one file of a preset or of a built folder."""
+"""The command `dsfab export`: writes one file of a preset or of a built folder."""
 
 import difflib
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import Parameter
 
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, built_folder, estimate_step
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import ExportError
 from dsfab.core.messages import byte_size, length
 from dsfab.design import Progress
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}  # Suffixes that mean the format of another suffix.
-SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Suffixes of common names.
+ALIASES = {".stp": ".step"}  # Suffixes with the same format as another suffix.
+SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Short words for --to, with the suffix of their format.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
     "html": "`dsfab compare` and `dsfab report` write reports as HTML",
     "png": "`dsfab build` and `dsfab preview` draw pictures",
-    "dwg": "what reads DWG reads dxf, too",
+    "dwg": "write dxf, which programs for DWG can read",
 }
-"""Formats that other commands write."""
+"""Formats that dsfab export does not write, with advice."""
 GROUPS = {
     "solid and lines": "the solid",
     "lines": "lines and drawings",
@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles for groups of formats, by their content; any further content is its own title."""
+"""Titles of groups of formats by their content; other contents are titles themselves."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -58,9 +58,7 @@ SheetName = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """A request for a file: suffix, path, and sheet. Without a sheet the file holds the solid; for calculix the
-    uncut sheet.
-    """
+    """A request for a file. Without `sheet` the file holds the solid, or for calculix the uncut sheet."""
 
     suffix: str
     path: Path
@@ -75,7 +73,9 @@ def export(
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         SheetName | None,
-        Parameter(help="The uncut or the cut sheet, in place of the solid; for calculix the uncut one if not given."),
+        Parameter(
+            help="Write the uncut or the cut sheet in place of the solid; calculix takes the uncut sheet by default."
+        ),
     ] = None,
     source: Source = UNCHANGED,
     step: StepFlags = NO_FLAGS,
@@ -87,8 +87,7 @@ def export(
     ----------
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
-        is reused, unless --set or an edit of its preset.toml changes the design.
-    """
+        is reused, unless --set or an edit of its preset.toml changes the design."""
     loaded_preset, folder = preset_and_folder(preset, source.with_overrides(*step.overrides()))
     reporter, built = Reporter(quiet), built_design(preset, loaded_preset)
     if step.estimate:
@@ -100,26 +99,22 @@ def export(
     with reporter:
         lines = write_file(loaded_preset, built, request, reporter)
     if not quiet:
-        for line in lines:
-            print_result(line)
+        print_lines(lines)
         print_result(f"  {request.path}  {byte_size(request.path.stat().st_size)}")
     return 0
 
 
 def write_file(preset: "Preset", built: "Design | None", request: ExportRequest, progress: Progress) -> list[str]:
-    """Write the requested file of a built or a new design; return lines about the file.
-    Raises DsfabError if a stage refuses the design, and ExportError if dsfab cannot write the file."""
+    """Write the requested file of a built or a new design; return lines about the file. Raises DsfabError."""
     if request.suffix == ".member_utilisation.csv":
         preset.statics.require_strength()
-    return (
-        _write_model(preset, request, progress)
-        if request.suffix == CALCULIX_SUFFIX
-        else _write_solid_or_sheet(preset, built, request, progress)
-    )
+    if request.suffix == CALCULIX_SUFFIX:
+        return _write_model(preset, request, progress)
+    return _write_solid_or_sheet(preset, built, request, progress)
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """Return all formats by the groups of `dsfab export --help`: suffix, and the reason why it is `missing` or ''."""
+    """Return all formats: suffix, group, and `missing`, the reason why this machine cannot write the format, or ''."""
     from dsfab.export.formats import FORMATS, MeshFormat
 
     offered = []
@@ -137,7 +132,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
-    """Return the preset and the folder for its files: the built folder, or the default folder of `dsfab build`."""
+    """Return the preset, and the folder for its files: the built folder, or outputs/NAME."""
     if folder := built_folder(name):
         return source.read_preset(str(folder / "preset.toml")), folder
     loaded_preset = source.read_preset(name)
@@ -145,7 +140,7 @@ def preset_and_folder(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, preset: "Preset") -> "Design | None":
-    """Return the design of a built folder if it is the preset's design; else None."""
+    """Return the design of a built folder if its preset is equal; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -166,10 +161,10 @@ def format_suffix(word: str) -> str:
     suffix = CALCULIX_SUFFIX if word == CALCULIX_SUFFIX[1:] else suffixes.get(word)
     if suffix is None:
         if word in ELSEWHERE:
-            raise ExportError(f"{word!r} names no format; {ELSEWHERE[word]}")
+            raise ExportError(f"dsfab export does not write {word!r}; {ELSEWHERE[word]}")
         suggestions = difflib.get_close_matches(word, suffixes, n=1)
         hint = f"did you mean {suggestions[0]}? " if suggestions else ""
-        raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(suffixes)}")
+        raise ExportError(f"{word!r} is not a format; {hint}use one of {', '.join(suffixes)}")
     if suffix in FORMATS:
         FORMATS[suffix].ready()
     return suffix
@@ -181,7 +176,7 @@ def _export_request(
     from dsfab.export.formats import FORMATS, MeshFormat, suffix_of
 
     if to is None and output is None:
-        raise ExportError(f"nothing says what to write; add --to {', '.join(_suffix_by_word())}")
+        raise ExportError(f"the command names no format; add --to with one of {', '.join(_suffix_by_word())}")
     word = (to if to is not None else suffix_of(output) if output else "").lower().removeprefix(".")
     suffix = format_suffix(word)
     path = output if output is not None else folder / f"{name}{suffix}"
@@ -192,9 +187,9 @@ def _export_request(
     meshes = {key: form for key, form in FORMATS.items() if isinstance(form, MeshFormat)}
     if suffix in meshes and not meshes[suffix].sheets:
         holds = ", ".join(key[1:] for key, form in meshes.items() if form.sheets)
-        raise ExportError(f"a {suffix} file holds solids only; leave out --sheet, or write {holds}")
+        raise ExportError(f"a {suffix} file holds only solids; leave out --sheet, or write one of {holds}")
     if suffix not in meshes:
-        raise ExportError(f"what a {suffix} file shows is settled, see `dsfab export --help`; leave out --sheet")
+        raise ExportError(f"a {suffix} file cannot hold another sheet; leave out --sheet")
     return ExportRequest(suffix, path, sheet)
 
 
@@ -221,11 +216,8 @@ def _model_lines(check_model: "CheckModel", request: ExportRequest) -> list[str]
     model = check_model.model
     lines = [f"warning: {text}" for text in check_model.warnings]
     kind = "six-node shells" if model.element == "S6" else "six-node triangles in plane stress"
-    lines.append(
-        f"{request.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element}), "
-        f"{len(model.nodes):,} nodes; "
-        "metres, newtons, pascals"
-    )
+    shells = f"{request.sheet or 'uncut'} sheet: {len(model.triangles):,} {kind} ({model.element})"
+    lines.append(f"{shells}, {len(model.nodes):,} nodes; metres, newtons, pascals")
     for name, answer in check_model.answers.items():
         lines.append(
             f"{name}: dsfab finds a largest displacement of {length(answer.largest_displacement)} and an internal "

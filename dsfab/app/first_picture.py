@@ -1,7 +1,6 @@
-"""Pictures from another process: a sketch while this process computes the true widths, and the finished structure.
+"""A process for pictures: it draws a sketch while this process computes the widths, and then the finished structure.
 
-That process starts early and loads the drawing libraries during the computation, so this module imports none of them.
-"""
+The process loads the drawing libraries during the computation; this module imports no drawing library."""
 
 import subprocess
 import sys
@@ -18,18 +17,14 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Program of the other process. It avoids garbage collection, which would take a tenth of the time of importing."""
+"""Program of the drawing process; without garbage collection its imports are a tenth faster."""
 
-SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, once the true picture is possible.
+SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, after the widths are known.
 
 
 class FirstPicture:
-    """The process that draws; use as `with FirstPicture(told) as first`.
-
-    Call all further methods inside `with first.restore_on_error()`, once.
-
-    told : function that another thread calls when the sketch is ready; None for no sketch.
-    """
+    """The drawing process; use as `with FirstPicture(on_sketch) as first`, and call its methods in `restore_on_error`.
+    on_sketch : function that another thread calls when the sketch is ready; None for no sketch."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
         self._told = on_sketch
@@ -47,7 +42,7 @@ class FirstPicture:
 
     @property
     def draws_sketches(self) -> bool:
-        """Whether the process is to draw a sketch."""
+        """True if the process draws a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:
@@ -60,9 +55,7 @@ class FirstPicture:
 
     @contextmanager
     def restore_on_error(self) -> Iterator[None]:
-        """Let the body write the picture's file again; after an error in the body, restore the content from before
-        the sketch.
-        """
+        """Run the body, which overwrites the picture's file; after an error restore the file from before the sketch."""
         try:
             yield
         except BaseException:
@@ -72,8 +65,9 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch, once, and never over a file that cannot be read.
-        sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`."""
+        """Start to draw the sketch, but never over a file that cannot be read; the second call does nothing.
+        sketch  : see `Design.sketch`.
+        options : options of `dsfab.render.previewer.Previewer`."""
         from dsfab.app.carrier import pickled
 
         if self._sketched:
@@ -88,14 +82,14 @@ class FirstPicture:
         self._start_request(pickled((sketch, path, pixels, options)), self._told)
 
     def finish(self) -> str | None:
-        """Wait for the sketch, if any; return the kind of window of the process, or None if it cannot draw."""
+        """Wait for the sketch; return the kind of window in which the process draws, or None if it cannot draw."""
         if not self._talking:
             self._start_request(None, None)
         self._wait(SKETCH_SECONDS)
         return self._window
 
     def draw_structure(self, structure_picture: object, path: Path) -> bool:
-        """Write the picture of a `StructurePicture`; return False on failure, so that the caller draws it."""
+        """Draw a `StructurePicture` into a file; return False after a failure, so that the caller draws it."""
         import pickle
 
         successes: list[bool] = []

@@ -1,14 +1,13 @@
 """The commands `dsfab presets`, `materials` and `inspect`."""
 
 import json
-from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import length
 from dsfab.report.design.inspection import (
@@ -75,44 +74,36 @@ def inspect(
     ----------
     file
         OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; a preset (a name or a TOML file); or a folder of
-        results.
-    """
+        results."""
     from dsfab.core.toml_files import shipped_presets
 
-    path, is_shipped = Path(file), file in shipped_presets()  # a shipped preset has priority over a folder of its name
+    path, is_shipped = Path(file), file in shipped_presets()  # `dome` is the preset, `./dome` a folder
     if not (is_shipped or path.is_dir() or path.suffix == ".toml"):
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
-            raise PresetError(f"{flag} is for a preset or a folder of results, not for a mesh file; leave it out")
+            raise PresetError(f"{flag} works with a preset or a folder of results, not with a mesh file; leave it out")
         return DONE if _show_mesh(path, source) or report else REFUSED
     built = _built_facts(path) if path.is_dir() and not is_shipped else None
     if built is None or output is not None or source != UNCHANGED:
         built = _measured_facts(file if built is None else str(path / "preset.toml"), source, output)
     else:
-        _print_lines(load_lines(built))
-    _print_lines((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
+        print_lines(load_lines(built))
+    print_lines((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
     return 0
 
 
-def _print_lines(lines: Iterable[str]) -> None:
-    for line in lines:
-        print_result(line)
-
-
 def _built_facts(folder: Path) -> dict[str, Any]:
-    """Return the measures in the design.json of a built folder; raises PresetError for any other folder."""
+    """Return the measures in a folder's design.json; raise PresetError for a folder without them."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        other_facts = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
-        collected: dict[str, Any] = {**facts["fabrication"], **other_facts}
+        return {**facts["fabrication"], **{k: facts[k] for k in ("pattern", "supports", "loads") if k in facts}}
     except (OSError, ValueError, KeyError, TypeError):
-        raise PresetError(f"{folder} has no design.json with a part on fabrication; build it again") from None
-    return collected
+        raise PresetError(f"{folder} has no design.json with measures of fabrication; build the design again") from None
 
 
 def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """Run a preset and return its measures; draw them if `picture` is a path.
-    Supports and loads come first, so that the user sees them even if dsfab refuses the design."""
+    """Make a design, print its supports and loads, and return its measures; draw them if `picture` is a path.
+    Supports and loads come first, so that the user sees them even if a later stage fails."""
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
@@ -123,7 +114,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
             design.until("statics")
         finally:
             reporter.done()
-            _print_lines(load_lines(load_facts(design, solved=design.has("statics"))))
+            print_lines(load_lines(load_facts(design, solved=design.has("statics"))))
         measures = fabrication(design.until("thickening"))
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")
@@ -140,7 +131,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
     print_result(str(path))
     rows = [(label, value) for label, value in [*_fact_rows(facts), ("build", verdict)] if value]
     width = max(len(label) for label, _ in rows)
-    _print_lines(f"  {label:<{width}}  {value}" for label, value in rows)
+    print_lines(f"  {label:<{width}}  {value}" for label, value in rows)
     return accepted
 
 

@@ -1,4 +1,4 @@
-"""The command `dsfab new`: from the user's mesh to a commented preset."""
+"""The command `dsfab new`: proposes a preset with comments for the user's mesh."""
 
 import os
 import shlex
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dsfab.app.options import MaxTriangles, Unit, Up
-from dsfab.app.terminal import print_result
+from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
@@ -34,8 +34,7 @@ def new(
     Parameters
     ----------
     mesh
-        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP.
-    """
+        OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP."""
     from dsfab.export import atomic_file
     from dsfab.preset.proposal import propose
 
@@ -44,14 +43,13 @@ def new(
     proposal = propose(mesh, unit, up, material, max_triangles)
     target = output or Path(f"{proposal.given.name}.toml")
     if target.suffix != ".toml":
-        raise PresetError(f"-o {target}: a preset is a .toml file; write for instance -o {target.stem}.toml")
+        raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
     if target.exists() and not force:
-        raise PresetError(f"{target} is there already; choose another name with -o, or write over it with --force")
+        raise PresetError(f"{target} exists already; choose another name with -o, or overwrite the file with --force")
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
-    for line in proposal.lines:
-        print_result(line)
+    print_lines(proposal.lines)
     if warning := strength_warning(proposal):
         print_result(warning)
     print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
@@ -59,7 +57,7 @@ def new(
 
 
 def strength_warning(proposal: "Proposal") -> str:
-    """Return a warning if stresses in a sheet with a span over 50 m exceed its strength even before the cut; else ''.
+    """Return a warning if a sheet with a span over 50 m is overstressed before the cut; else ''.
     Such a sheet may fail under its own weight at any thickness. The solution takes seconds. After an error the text is
     empty, because `dsfab build` reports the error."""
     from dsfab.design import Design
@@ -79,18 +77,16 @@ def strength_warning(proposal: "Proposal") -> str:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
     advice = "make it thicker (statics.thickness)"
-    if weight > 0.6:  # a thicker sheet has hardly less stress under its own weight
+    if weight > 0.6:  # a thicker sheet is heavier, so its stress stays
         weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         advice = f"{weight_words}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"
-    return (
-        f"{topic}  {largest_share:.0%} of its strength, {usual_share:.0%} on 99 % of it, and more once it is "
-        f"cut; {advice}"
-    )
+    shares = f"{largest_share:.0%} of its strength, {usual_share:.0%} on 99 % of it"
+    return f"{topic}  {shares}, and more once it is cut; {advice}"
 
 
 def _relative_path(preset: Path, mesh: Path) -> Path:
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
-    except ValueError:  # the path is on another drive
+    except ValueError:  # the mesh is on another drive
         return mesh.absolute()

@@ -1,4 +1,4 @@
-"""Options that several commands share, and estimates of STEP files."""
+"""Options that several commands share, and the command line's estimate of STEP files."""
 
 import json
 from collections.abc import Iterator
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.messages import byte_size, table
 
@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
-
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
 Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Print errors only.")]
@@ -31,7 +30,6 @@ Up = Annotated[
 MaxTriangles = Annotated[
     int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
 ]
-
 
 View = Annotated[str, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")]
 Show = Annotated[
@@ -46,7 +44,7 @@ Show = Annotated[
 
 
 def picture_size(text: str) -> tuple[int, int]:
-    """Return '1600x1200' as (1600, 1200); raises DsfabError for a text in a different form."""
+    """Return '1600x1200' as (1600, 1200). Raises DsfabError for a text in another form."""
     words = text.lower().split("x")
     if len(words) == 2 and all(word.isdigit() for word in words):
         width, height = int(words[0]), int(words[1])
@@ -58,8 +56,8 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def built_folder(name: str) -> Path | None:
-    """Return the folder of a build; None for any other name. A shipped preset has priority over its folder (`./dome`).
-    Raises PresetError for a folder without a build."""
+    """Return the path of a built folder; None for any other name: `dome` is a preset, `./dome` a folder.
+    Raises PresetError for a folder that dsfab did not build."""
     from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
@@ -76,7 +74,7 @@ def built_folder(name: str) -> Path | None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source:
-    """Changes that a command line applies to its preset."""
+    """Changes of a preset on the command line."""
 
     set_: Set = ()
     mesh: Mesh = None
@@ -85,12 +83,10 @@ class Source:
     max_triangles: MaxTriangles = None
 
     def read_preset(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
-        """Return the preset of this name or file with the changes. A mesh file, or `roof --mesh FILE`, gives the
-        proposed preset.
+        """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
-        proposal : the proposal for the mesh, if the caller has it.
-        Raises PresetError for unknown or invalid presets, and for a preset without its mesh.
-        """
+        proposal : proposal for the mesh, if the caller has it.
+        Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
         proposal = proposal or self.proposal(name)
@@ -102,17 +98,14 @@ class Source:
         return preset
 
     def proposal(self, name: str) -> "Proposal | None":
-        """Return the proposal if `name` is a mesh file; None for a preset."""
+        """Return the proposal for a mesh file; None for a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
-        is_mesh_file = Path(name).is_file() and Path(name).suffix.lower() not in (
-            "",
-            ".toml",
-        )  # the mesh reader refuses unknown suffixes and lists the formats
-        mesh_file = (
-            name if is_mesh_file or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
-        )
+        suffix = Path(name).suffix.lower()
+        # a file with another suffix counts, too: the mesh reader refuses it and lists the formats
+        is_mesh_file = suffix in MESH_SUFFIXES or (Path(name).is_file() and suffix not in ("", ".toml"))
+        mesh_file = name if is_mesh_file else self.mesh if name == OWN else None
         if mesh_file is None:
             return None
         if mesh_file is name and self.mesh is not None:
@@ -122,7 +115,7 @@ class Source:
         return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles)
 
     def overrides(self) -> dict[str, Any]:
-        """Return the changes as values of dotted keys, with unit and axis. Raises the PresetError of `set_values`."""
+        """Return all changes as values by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
         options = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
         return self.set_values() | {key: value for key, value in options.items() if value is not None}
 
@@ -133,11 +126,11 @@ class Source:
         return dict(parse_override(text) for text in self.set_)
 
     def with_overrides(self, *texts: str) -> "Source":
-        """Return a copy with additional changes, KEY=VALUE each, which override earlier changes."""
+        """Return a copy with further changes, KEY=VALUE each; they override the earlier changes."""
         return replace(self, set_=(*self.set_, *texts))
 
     def command_words(self, name: str) -> list[str]:
-        """Return the words of a command line that names this preset with these changes."""
+        """Return the words of a command line for a preset with these changes."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -156,7 +149,7 @@ class StepFlags:
     step: Annotated[
         str | None,
         Parameter(
-            help="How STEP is made: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
+            help="Method for STEP: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
             "tessellated."
         ),
     ] = None
@@ -167,39 +160,37 @@ class StepFlags:
         float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
     ] = None
     estimate: Annotated[
-        bool,
-        Parameter(name="--estimate", negative=(), help="Say what each way to write STEP would cost; write nothing."),
+        bool, Parameter(name="--estimate", negative=(), help="Print the cost of each way to write STEP; write no file.")
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """Return the options as KEY=VALUE for the preset, which checks them."""
+        """Return the options as KEY=VALUE texts for the preset."""
         options = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in options.items() if value is not None)
 
 
-NO_FLAGS = StepFlags()  # No options, so that the preset's own STEP options apply.
+NO_FLAGS = StepFlags()  # No option is set, so the preset's own STEP options apply.
 
 
 def estimate_step(preset: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Print the cost of a design's STEP file, and write no file."""
+    """Print the cost of a design's STEP file without writing it."""
     from dsfab.design import run
 
     with reporter:
         design = built or run(preset, reporter)
         reporter("export", "estimating STEP")
         lines = list(estimate_lines(design))
-    for line in lines:
-        print_result(line)
+    print_lines(lines)
     return 0
 
 
 def estimate_lines(design: "Design") -> Iterator[str]:
-    """Yield a table of the methods for STEP, the chosen method, and reasons of refusals."""
+    """Yield a table of the methods for STEP, then notes and reasons of refusals."""
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 
     content, options = deliverable(design, ".step")
-    options.pop("details", None)  # additional data hardly change the file's size
+    options.pop("details", None)  # details hardly change the file's size
     estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_estimate_row(estimate) for estimate in estimates])

@@ -1,7 +1,4 @@
-"""The command `dsfab preview`: a picture of a design before dsfab writes its files.
-
-With --watch it draws the picture again after each save of the preset.
-"""
+"""The command `dsfab preview`: a picture of a design without its files; --watch repeats it after each save."""
 
 import os
 import sys
@@ -27,8 +24,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED_PICTURES = ("fabrication", "members")  # These pictures show the finished solid and the finished sheet.
-
+FINISHED_PICTURES = ("fabrication", "members")  # Pictures of the finished solid, and of the finished sheet.
 
 SHOW_WORDS = {
     "deflection": ("displacement",),
@@ -38,20 +34,20 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Words of --show that stand for several names."""
+"""Words of --show, each with the pictures that it stands for."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""Pictures that `all` includes only if this key of [statics] is set."""
+"""Pictures that `all` includes only if the preset sets their key of [statics]."""
 
 
 def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
-    """Return the picture names in a text such as 'all' or 'structure,stress'; raise DsfabError for an unknown name."""
+    """Return the pictures in a text such as 'all' or 'structure,stress'. Raises DsfabError for an unknown picture."""
     from dsfab.render.colouring import MODE_FIELDS, check_show
 
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
-            modes = preset.pattern.method != "stripes"  # stripes do not run along modes
+            modes = preset.pattern.method != "stripes"  # evenly spaced stripes have no modes
             names += [name for name in SHOW_WORDS[word] if modes or name not in MODE_FIELDS]
             names += [name for name, key in SHOWN_ON_REQUEST.items() if getattr(preset.statics, key)]
         else:
@@ -63,7 +59,7 @@ def picture_names(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class PreviewPage:
-    """Pictures of a page and its file. options : options of `dsfab.render.previewer.Previewer`, except `show`."""
+    """Pictures of a page, and its file. options : options of `dsfab.render.previewer.Previewer`, except `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]
@@ -94,8 +90,8 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the page of a preset, in `folder` unless --output names a file.
-        Raises DsfabError for invalid options."""
+        """Return the page of a preset, in `folder` unless --output names a file. Raises DsfabError for a wrong
+        option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -103,7 +99,7 @@ class PictureOptions:
         pixels = picture_size(self.size_ or ("1600x1200" if len(names) == 1 else "800x600"))
         path = self.output or folder / f"{preset.name}.png"
         if path.suffix.lower() != ".png":
-            raise DsfabError(f"-o {path} does not end in .png; previews are PNG files")
+            raise DsfabError(f"-o {path} does not end in .png; write for instance -o {path.stem}.png")
         check_ground(self.ground)
         return PreviewPage(names, pixels, path, {"view": self.view, "ground": self.ground, **marks})
 
@@ -124,8 +120,7 @@ def preview(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     reporter = Reporter(quiet)
     with _first_picture(picture, reporter) as first_picture:
         folder = built_folder(preset)
@@ -134,7 +129,7 @@ def preview(
         page = picture.page(loaded_preset, folder or Path())
         if watch and not Path(file).is_file():
             raise DsfabError(
-                f"--watch needs a file to watch, {preset!r} is the name of a preset; save it as a file first"
+                f"--watch needs a file, but {preset!r} is the name of a shipped preset; save the preset as a file first"
             )
         with _drawing(page, reporter, folder, first_picture) as draw:
             if watch:
@@ -147,19 +142,16 @@ def preview(
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
     single = "," not in picture.show and picture.show.strip() not in (*SHOW_WORDS, *FINISHED_PICTURES)
     sketched = single and reporter.is_watched
-    needs_structure = (
-        picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
-    )  # in all further cases this process draws as quickly
+    # the drawing process saves time only for the structure, and before this process has loaded VTK
+    needs_structure = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
     if not (sketched or needs_structure) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import probe_ahead
 
         probe_ahead()
         yield None
         return
-    on_sketch = (
-        (lambda: reporter.print_line("preview     a first picture is there, its widths follow")) if sketched else None
-    )
-    with FirstPicture(on_sketch) as first_picture:
+    on_sketch = lambda: reporter.print_line("preview     a first picture is there, its widths follow")  # noqa: E731
+    with FirstPicture(on_sketch if sketched else None) as first_picture:
         yield first_picture
 
 
@@ -207,7 +199,7 @@ def _layer_names(text: str) -> tuple[str, ...]:
         return EVERY_LAYER if text == "all" else ()
     names = tuple(word.strip() for word in text.split(",") if word.strip())
     if unknown := [name for name in names if name not in EVERY_LAYER]:
-        raise DsfabError(f"--layers {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}, or all, none")
+        raise DsfabError(f"--layers {unknown[0]!r} is unknown; use {', '.join(EVERY_LAYER)}, all or none")
     return names
 
 
@@ -252,7 +244,7 @@ def _draw_structure(
     reporter: Reporter,
     first_picture: FirstPicture | None,
 ) -> bool:
-    """Draw evenly spaced stripes as dsfab builds them; return False if that is impossible.
+    """Draw the built sheet of evenly spaced stripes; return False if that is impossible.
     A drawing of the uncut pattern would show loose ends, holes at singular points of the stress, and sharp corners."""
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
@@ -317,9 +309,8 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
     try:
         while True:
             current_stamp = _file_stamp(file)
-            if (
-                current_stamp is not None and current_stamp != seen_stamp
-            ):  # a text editor may remove the file for a moment
+            # the stamp is None for a moment while a text editor replaces the file
+            if current_stamp is not None and current_stamp != seen_stamp:
                 seen_stamp = current_stamp
                 try:
                     draw()

@@ -1,4 +1,4 @@
-"""The command `dsfab report`: utilisation of each member by the code of its material, for the engineer."""
+"""The command `dsfab report`: utilisation of each member by the Eurocode of its material, for the engineer."""
 
 import shlex
 from pathlib import Path
@@ -8,7 +8,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines
 
 if TYPE_CHECKING:
     from dsfab.design import Design, Progress
@@ -34,8 +34,7 @@ def report(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.design import Design
     from dsfab.export import require_writable
 
@@ -45,18 +44,15 @@ def report(
     require_writable(folder)
     with Reporter(quiet) as reporter:
         design = built_design(preset, loaded) or Design.from_preset(loaded, progress=reporter).until("slicing")
-        files, lines = write_members(
-            design, shlex.join(["dsfab", "report", *source.command_words(preset)]), folder, reporter
-        )
+        command = shlex.join(["dsfab", "report", *source.command_words(preset)])
+        files, lines = write_members(design, command, folder, reporter)
     if not quiet:
-        for line in lines:
-            print_result(line)
-        print_result("\n".join(f"  {folder / name}" for name in files))
+        print_lines((*lines, *(f"  {folder / name}" for name in files)))
     return 0
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report and its tables, either all files or none; return their names and lines about them."""
+    """Write the report and its tables, all files or none; return the names of the files, and lines about them."""
     from dsfab.export import atomic_folder
     from dsfab.report.members import write_member_report
 

@@ -1,4 +1,4 @@
-"""The command `dsfab reproduce`: the paper's figures on one page that opens offline."""
+"""The command `dsfab reproduce`: makes the paper's figures, on one page that opens offline."""
 
 import json
 import math
@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")  # Default folder of the page.
-COARSEST = 8.0  # Limit of --coarser, because coarser meshes have too few vertices for modes.
+COARSEST = 8.0  # Limit of --coarser: a coarser mesh has too few vertices for the modes.
 
 
 def reproduce(
     *names: str,
     coarser: Annotated[
-        float, Parameter(help="Edges this many times as long as the presets' own: a quick look, in rough.")
+        float, Parameter(help="Make edges this many times as long as in the presets, for a quick rough look.")
     ] = 1.0,
     volumes: Annotated[
         bool,
@@ -43,7 +43,7 @@ def reproduce(
     ] = False,
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
     workers: Annotated[
-        int | None, Parameter(help="Figures made at the same time, in processes [cores, as memory allows].")
+        int | None, Parameter(help="Number of processes that make figures [cores, as memory allows].")
     ] = None,
     quiet: Quiet = False,
 ) -> int:
@@ -54,16 +54,17 @@ def reproduce(
     Parameters
     ----------
     names
-        Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes).
-    """
+        Figures by their presets, such as bob or camel_nose; all 17 when left out (several minutes)."""
     from dsfab.render.opengl import require_rendering
     from dsfab.study import fitting_processes
 
     chosen = figures_by_name(names)
     if not 1 <= coarser <= COARSEST:
-        raise DsfabError(f"--coarser {coarser:g} is not between 1 and {COARSEST:g}; write for instance --coarser 2")
+        raise DsfabError(
+            f"--coarser {coarser:g} is not a number from 1 to {COARSEST:g}; write for instance --coarser 2"
+        )
     if workers is not None and workers < 1:
-        raise DsfabError(f"--workers {workers} must be 1 or more")
+        raise DsfabError(f"--workers {workers} is less than 1; give 1 or more")
     require_rendering()
     count = fitting_processes(len(chosen)) if workers is None else min(workers, len(chosen))
     with Reporter(quiet) as reporter:
@@ -77,9 +78,7 @@ def reproduce(
 
 
 def figures_by_name(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """Return the figures of these names, in the paper's order; without names, all figures. Raises DsfabError for an
-    unknown name.
-    """
+    """Return the figures of these names, or all, in the paper's order. Raises DsfabError for an unknown name."""
     from dsfab.reproduction.published import FIGURES
 
     presets = [figure.preset for figure in FIGURES]
@@ -136,11 +135,9 @@ def _volume_rows(folder: Path) -> list[dict[str, Any]]:
 def _machine_words() -> str:
     library_versions = versions()
     cores = os.cpu_count() or 1
-    return (
-        f"dsfab {library_versions['dsfab']}, Python {library_versions['python']}, solver "
-        f"{library_versions['solver']}, {platform.system()}, "
-        f"{cores} {'core' if cores == 1 else 'cores'} of {_processor_name()}"
-    )
+    dsfab, python, solver = (library_versions[name] for name in ("dsfab", "python", "solver"))
+    machine = f"{platform.system()}, {cores} {'core' if cores == 1 else 'cores'} of {_processor_name()}"
+    return f"dsfab {dsfab}, Python {python}, solver {solver}, {machine}"
 
 
 def _processor_name() -> str:
@@ -152,9 +149,7 @@ def _processor_name() -> str:
 
 
 def _system_load() -> float:
-    """Return the mean number of programs that waited for a core in the last minute; nan if the system does not
-    report it.
-    """
+    """Return how many programs waited for a core in the last minute, on average; nan if the system does not know."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 

@@ -1,4 +1,4 @@
-"""The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue it."""
+"""The command `dsfab sweep`: thousands of designs of one preset in one folder; a sweep can stop and continue."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -11,7 +11,7 @@ from cyclopts import Parameter
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
-from dsfab.core.toml_files import TomlError, toml_table
+from dsfab.core.toml_files import TomlError, shipped_presets, toml_table
 
 if TYPE_CHECKING:
     from dsfab.study.sweeps.folder import SweepFolder
@@ -24,25 +24,27 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PlanOptions:
-    """Options that override keys of a sweep file."""
+    """Options of a sweep, which override the keys of its file."""
 
     sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
     seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
     metric: Annotated[tuple[str, ...], Parameter(negative=(), help="Metrics to measure (comma list, repeatable).")] = ()
     constraint: Annotated[
-        tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
+        tuple[str, ...],
+        Parameter(name=["--constraint", "--subject-to"], negative=(), help="Condition for good runs: 'pieces == 1'."),
     ] = ()
     optimise: Annotated[str | None, Parameter(help="Search for the best of this metric instead of sampling.")] = None
     evaluations: Annotated[int | None, Parameter(help="Runs of a search [200].")] = None
     keep: Annotated[
-        tuple[str, ...], Parameter(negative=(), help="Of each run: picture, preset, sheet, solid or nothing [picture].")
+        tuple[str, ...],
+        Parameter(negative=(), help="Files to keep of a run: picture, preset, sheet, solid or nothing [picture]."),
     ] = ()
     export: Annotated[str | None, Parameter(help="Keep solids, in these formats: stl,3mf,step,obj,ply,glb.")] = None
     size: Annotated[str | None, Parameter(help="WIDTHxHEIGHT of the pictures [480x360].")] = None
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, file_tables: Mapping[str, Any]) -> dict[str, Any]:
-        """Return the options as keys of a sweep file with the keys `file_tables`; None stands for an unset option."""
+        """Return the options as keys of a sweep file, None if unset. file_tables : keys of the file itself."""
         from dsfab.app.sweep_options import listed_words
 
         keep_words = listed_words(self.keep)
@@ -67,7 +69,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Folder of a sweep, and its workers."""
+    """Folder and workers of a sweep, and runs to repeat."""
 
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
@@ -77,19 +79,19 @@ class Work:
     extend: Annotated[bool, Parameter(negative=(), help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
         Literal["killed", "failed", "all"],
-        Parameter(help="Runs of an existing sweep to retry: those whose worker was killed, failed ones, or both."),
+        Parameter(help="Runs of an existing sweep to repeat: runs whose worker was killed, failed runs, or both."),
     ] = "killed"
 
     @property
     def retried_states(self) -> "tuple[State, ...]":
-        """States of runs to retry."""
+        """States of the runs that a continued sweep repeats."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
         """Return the folder of the sweep; None for a new sweep without --output. Raises DsfabError for two folders."""
         if _is_sweep_folder(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
-                raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
+                raise DsfabError(f"{what} is a sweep's folder, and the sweep continues in it; leave out -o")
             return Path(what)
         return self.output
 
@@ -97,7 +99,7 @@ class Work:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunChoice:
-    """Selection of runs of an existing sweep."""
+    """Runs of an existing sweep to list or to build."""
 
     best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
     by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None
@@ -126,8 +128,7 @@ def sweep(
     Parameters
     ----------
     what
-        A sweep file, a preset (with --vary), or the folder of a sweep to go on with.
-    """
+        A sweep file, a preset (with --vary), or the folder of a sweep to go on with."""
     from dsfab.app.sweep_options import listed_words, with_options
 
     if choice.best is not None or choice.build is not None:
@@ -143,8 +144,6 @@ def sweep(
 
 
 def _is_sweep_folder(what: str, varied: bool) -> bool:
-    from dsfab.core.toml_files import shipped_presets
-
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 
 
@@ -157,13 +156,11 @@ def _plan_tables(what: str, varied: bool) -> tuple[dict[str, Any], str]:
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         return read_plan(path / SWEEP), f"sweep {path / SWEEP}"
-    if path.is_file() and not varied and _is_sweep(path):
-        return read_plan(path), f"sweep {path.name}"
     if path.is_file() and _is_sweep(path):
         return read_plan(path), f"sweep {path.name}"
     if not varied:
         raise DsfabError(
-            f"{what} is not a sweep file or a sweep's folder; to sweep a preset, say what to vary: "
+            f"{what} is neither a sweep file nor a sweep's folder; to sweep a preset, add the keys to vary: "
             f"dsfab sweep {what} --vary pattern.major.frequency=6:12:4"
         )
     return {"preset": what}, f"sweep of {what}"
@@ -173,7 +170,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # the reader of this file reports the error
+        return path.suffix == ".toml"  # the sweep's reader reports the error
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
@@ -185,7 +182,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
     from dsfab.study.sweeps.plan import plan_from
 
     if work.workers is not None and work.workers < 1:
-        raise DsfabError(f"--workers {work.workers} must be 1 or more")
+        raise DsfabError(f"--workers {work.workers} is less than 1; give 1 or more")
     plan = plan_from(values, title)
     draw = _drawer(plan)
     checked = checked_plan(plan)
@@ -245,10 +242,8 @@ def _drawer(plan: "Plan") -> "Drawer | None":
 
 
 def _workers(sweep: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
+    from dsfab.study.sweeps.workers import DaskWorkers, LocalWorkers
+
     if scheduler is not None:
-        from dsfab.study.sweeps.workers import DaskWorkers
-
         return DaskWorkers(sweep.job(draw, ship_mesh=True), scheduler)
-    from dsfab.study.sweeps.workers import LocalWorkers
-
     return LocalWorkers(sweep.job(draw), workers)

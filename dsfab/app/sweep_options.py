@@ -1,4 +1,4 @@
-"""Options of `dsfab sweep` as the tables of a sweep file, so that the same code checks options and files."""
+"""Options of `dsfab sweep` as tables of a sweep file: the same code checks options and files."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,14 +12,11 @@ Tables = dict[str, Any]
 
 
 def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
-    """Return the tables [vary] and [[linked]] for the texts of --vary.
+    """Return the tables [vary] and [[linked]] for the texts of --vary. Raises DsfabError for a text in another form.
 
     KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   values with equal ratios
     KEY=LOW:HIGH          a range for --sample; with :log at the end, a logarithmic range
-    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys
-
-    Raises DsfabError for texts in a different form.
-    """
+    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys"""
     vary: Tables = {}
     linked: list[Tables] = []
     for text in texts:
@@ -29,7 +26,7 @@ def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
             linked.append(_linked_tables(text, keys, values))
             continue
         if keys[0] in vary:
-            raise DsfabError(f"--vary {keys[0]} is there twice; give all of its values at once")
+            raise DsfabError(f"--vary {keys[0]} appears twice; give all values of the key at once")
         vary[keys[0]] = _span_table(text, values) if _is_span(values) else parse_variations([text])[keys[0]]
     return vary, linked
 
@@ -50,7 +47,7 @@ def _span_table(text: str, values: str) -> Tables:
     except (ValueError, IndexError):
         raise DsfabError(
             f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT such as 4:24:6, KEY=LOW:HIGH for --sample, "
-            "and :log after it for equal factors"
+            "and :log at the end for equal factors"
         ) from None
     return {"from": start, "to": end, **count, **({"log": True} if log else {})}
 
@@ -59,22 +56,21 @@ def _linked_tables(text: str, keys: list[str], values: str) -> Tables:
     rows = [parse_variations([f"{key}={listed}"])[key] for key, listed in zip(keys, values.split(";"), strict=False)]
     if len(values.split(";")) != len(keys):
         raise DsfabError(
-            f"--vary {text!r} links {len(keys)} keys and needs as many lists, as in "
+            f"--vary {text!r} links {len(keys)} keys and needs as many lists; write for instance "
             "pattern.major.mode,pattern.minor.mode=1,2;5,3"
         )
     return dict(zip(keys, rows, strict=True))
 
 
 def listed_words(texts: Sequence[str]) -> list[str]:
-    """Split options that may be repeated or hold a comma list: ('a,b', 'c') -> a, b, c."""
+    """Return the words of a repeated option whose texts may have commas: ('a,b', 'c') gives a, b, c."""
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), plan_table: Tables | None = None
 ) -> Tables:
-    """Return the tables of a sweep file; the command line's options override them.
-    plan_table : keys as in the file, or None."""
+    """Return the tables of a sweep file, changed by the command line. plan_table : further keys, or None."""
     result = dict(values)
     vary_table, linked = vary_tables(vary)
     if vary_table:

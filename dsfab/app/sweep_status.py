@@ -1,4 +1,4 @@
-"""The state of a sweep: a live progress line, its best runs, and all files of one run."""
+"""State of a sweep: a live progress line, a list of its best runs, and a full build of one run."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -32,7 +32,7 @@ class SweepProgress:
         self._told = 0.0
 
     def add_run(self, number: int, metrics: Mapping[str, float]) -> None:
-        """Record the metrics of a run, of this session or an earlier session."""
+        """Record the metrics of a finished run, also of an earlier session."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -41,10 +41,10 @@ class SweepProgress:
             self._best = (value, number)
 
     def __call__(self, progress: Progress) -> None:
-        """Report the end of a run, or the start of the first."""
+        """Report the end of a run, or the start of the first run."""
         outcome = progress.last
         if outcome is not None and outcome.error:
-            limit = 110  # largest number of characters; the log has the whole reason
+            limit = 110  # characters; the log has the whole reason
             short = outcome.error if len(outcome.error) <= limit else outcome.error[:limit] + "..."
             ended = "was killed" if outcome.killed else "failed"
             self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)
@@ -75,7 +75,7 @@ class SweepProgress:
         return "; ".join(parts)
 
     def print_line(self, text: str) -> None:
-        """Print a line."""
+        """Print a line of text."""
         self._console.print(text, markup=False)
 
     def stop(self) -> None:
@@ -86,7 +86,7 @@ class SweepProgress:
 
 
 def list_or_build_run(path: Path, best_count: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """Run --best or --build; raise DsfabError for a folder without a sweep, and for unknown runs."""
+    """List the best runs, or build one run. Raises DsfabError for a folder without a sweep, and for an unknown run."""
     sweep = SweepFolder.from_folder(path)
     if number is None:
         print_result(_best_runs_table(sweep, best_count or 0, by))
@@ -96,7 +96,7 @@ def list_or_build_run(path: Path, best_count: int | None, by: str | None, number
 
     changes = next((row.changes for row in sweep.rows() if row.number == number), None)
     if changes is None:
-        raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(sweep.rows())}")
+        raise DsfabError(f"{path} has no run {number}; give a number from 1 to {len(sweep.rows())}")
     sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
     return build(str(path / PRESET), source=Source(sets), files=Files(path / "built" / f"{number:05}"), quiet=quiet)
 
@@ -105,13 +105,13 @@ def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:
     plan = sweep.plan
     metric = by or first_metric(plan)
     if metric not in plan.measured_metrics:
-        raise DsfabError(f"{metric!r} was not measured in {sweep.path}; use one of {', '.join(plan.measured_metrics)}")
+        raise DsfabError(f"{sweep.path} has no values of {metric!r}; use one of {', '.join(plan.measured_metrics)}")
     if count < 1:
-        raise DsfabError(f"--best {count} lists nothing; give 1 or more")
+        raise DsfabError(f"--best {count} is less than 1; give 1 or more")
     best_rows = best_of(sweep.rows(), metric, plan.limits)[:count]
     if not best_rows:
-        limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
-        raise DsfabError(f"no run of {sweep.path} is done{limits} with a {metric}")
+        limits = f" that meets {', '.join(plan.constraints)}" if plan.constraints else ""
+        raise DsfabError(f"{sweep.path} has no finished run with a value of {metric}{limits}; continue the sweep")
     keys = list(dict.fromkeys(key for row in best_rows for key in row.changes))
     short = short_names(keys)
     metrics = [metric, *(name for name in plan.measured_metrics if name != metric)]

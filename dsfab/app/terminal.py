@@ -1,10 +1,10 @@
-"""Progress and results as text: a live line per stage on a terminal, plain lines in a pipe or a log."""
+"""Progress and results as text: a live line for each stage on a terminal, plain lines in a pipe or a log."""
 
 import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import Self
 
@@ -13,9 +13,8 @@ from rich.status import Status
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error; prints nothing if `quiet`. As a context it ends the last
-    stage.
-    """
+    """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last
+    stage."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
@@ -31,11 +30,11 @@ class Reporter:
 
     @property
     def is_watched(self) -> bool:
-        """Whether the output goes to a terminal, where a person may be waiting."""
+        """True if the output goes to a terminal, where a person may wait for it."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """Begin a stage, and end the stage before."""
+        """End the last stage and begin a stage."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -43,7 +42,7 @@ class Reporter:
             self._status.start()
 
     def done(self) -> None:
-        """End the last stage."""
+        """End the last stage and print its seconds."""
         self.stop()
         if self._stage:
             stage, doing, start = self._stage
@@ -51,24 +50,30 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Remove the live line, also after an error."""
+        """Remove the live line without the seconds."""
         if self._status:
             self._status.stop()
             self._status = None
 
     def print_line(self, text: str) -> None:
-        """Print a line."""
+        """Print a line of text."""
         self._console.print(text, markup=False)
 
 
 def print_result(text: str = "") -> None:
-    """Print a line of results on standard output."""
+    """Print results on standard output."""
     sys.stdout.write(text + "\n")
+
+
+def print_lines(lines: Iterable[str]) -> None:
+    """Print each line of results on standard output."""
+    for line in lines:
+        print_result(line)
 
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """Treat a closed terminal and SIGTERM as Ctrl-C in the body, so that the body can clean up."""
+    """Treat SIGTERM and a closed terminal as Ctrl-C in the body, so that the body can clean up."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

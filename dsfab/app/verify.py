@@ -1,15 +1,15 @@
-"""The command `dsfab verify`: benchmark structures for the elements, and the calibration of verdicts."""
+"""The command `dsfab verify`: solves structures with known answers, and tests the error bounds of verdicts."""
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import table
 
 if TYPE_CHECKING:
@@ -18,74 +18,49 @@ if TYPE_CHECKING:
 
 
 CALIBRATION_HEAD = (
-    "design",
-    "width",
-    "share",
-    "triangles",
-    "edges/member",
-    "facets",
-    "meshes",
-    "bound",
-    "error",
-    "",
-    "quick error",
+    *("design", "width", "share", "triangles", "edges/member", "facets", "meshes"),
+    *("bound", "error", "", "quick error"),
 )
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Measure the calibration anew, print it, and write calibration.json and calibration.csv into the folder.
-
-    Return 1 when less than 95 % of the designs lie inside their bound.
-    """
+    """Test the error bounds on random designs; print the result, and write calibration.json and calibration.csv.
+    Return 1 if less than 95 % of the designs lie within their bound, else 0."""
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
     with Reporter(quiet=as_json) as reporter:
         rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
     folder.mkdir(parents=True, exist_ok=True)
-    text = json.dumps(
-        {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}, indent=2
-    )
+    record = {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}
+    text = json.dumps(record, indent=2)
     (folder / "calibration.json").write_text(text, encoding="utf-8")
     (folder / "calibration.csv").write_text(table_text(rows), encoding="utf-8")
-    print_result(
-        text
-        if as_json
-        else "\n".join(
-            (table(CALIBRATION_HEAD, map(_calibration_cells, rows)), *_lines_by_kind(rows), summary_text(rows))
-        )
-    )
+    if as_json:
+        print_result(text)
+    else:
+        kinds = dict.fromkeys(row.kind for row in rows)
+        by_kind = [f"{kind}: {summary_text([row for row in rows if row.kind == kind])}" for kind in kinds]
+        print_lines((table(CALIBRATION_HEAD, map(_calibration_cells, rows)), *by_kind, summary_text(rows)))
     return int(summary(rows).inside < 0.95)
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """Summarise a table in a sentence."""
+    """Return a sentence about all rows of a calibration."""
     from dsfab.study.verdict.calibration import summary
 
     result = summary(rows)
     return (
         f"verdicts on {result.designs} random designs: {result.inside:.0%} inside their bound, median bound "
         f"{result.median_bound:.1%}, largest error {result.largest_error:.1%}, {result.converged} converged; "
-        "quick level: "
-        f"median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
+        f"quick level: median error {result.quick_median:.1%}, nine in ten within {result.quick_most:.1%}"
     )
 
 
-def _lines_by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
-    for kind in dict.fromkeys(row.kind for row in rows):
-        yield f"{kind}: {summary_text([row for row in rows if row.kind == kind])}"
-
-
 def _calibration_record(row: "TrialRow") -> dict[str, Any]:
-    estimate = row.estimate
-    derived = {
-        "value": estimate.value,
-        "bound": estimate.bound,
-        "levels": row.levels,
-        "truth": row.truth,
-        "inside": row.is_inside,
-    }
-    return {**asdict(row), **derived, "error": row.error, "quick_error": row.quick_error}
+    derived = {"value": row.estimate.value, "bound": row.estimate.bound, "levels": row.levels, "truth": row.truth}
+    errors = {"inside": row.is_inside, "error": row.error, "quick_error": row.quick_error}
+    return {**asdict(row), **derived, **errors}
 
 
 def _calibration_cells(row: "TrialRow") -> tuple[str, ...]:
@@ -108,9 +83,7 @@ TEST_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""Head of the table. `of limit` is the value over the limit of thin sheets, for tests with a different usual
-reference.
-"""
+"""Head of the table. `of limit` is the value over the exact answer of a thin sheet, if the reference is another."""
 
 PAGE = Path("outputs/verification")  # Default folder of the page.
 
@@ -135,8 +108,7 @@ def verify(
     Parameters
     ----------
     tests
-        Names, or beginnings of names, such as plate or scordelis_lo; all tests when left out.
-    """
+        Names, or beginnings of names, such as plate or scordelis_lo; all tests when left out."""
     from dsfab import verification
     from dsfab.statics import Elements
 
@@ -176,9 +148,7 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
-    """Return lines below the table: known shortfalls, targets, spread between patterns, and comparison with
-    published values.
-    """
+    """Return lines below the table: known shortfalls, targets, spread between mesh patterns, and published values."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings
@@ -198,8 +168,6 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
         lines.append(f"widest spread between mesh patterns at 16 cells: {100 * spread[widest]:.2g} % ({widest[0]})")
     counts = Counter(standing.outcome for standing in standings(rows, {test.name: test for test in tests}))
     if counts:
-        outcomes = ", ".join(
-            f"{outcome} {counts[outcome]}" for outcome in ("better", "alike", "worse") if counts[outcome]
-        )
+        outcomes = ", ".join(f"{name} {counts[name]}" for name in ("better", "alike", "worse") if counts[name])
         lines.append(f"{pair} against {counts.total()} published values, at equal unknowns or cells: {outcomes}")
     return [*lines, summary_text(shipped_table())]

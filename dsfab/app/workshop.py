@@ -1,4 +1,4 @@
-"""The command `dsfab workshop`: the members of a design as flat parts, nested on the stock."""
+"""The command `dsfab workshop`: the members of a design as flat parts, nested on sheets of stock."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
 from dsfab.core.units import METRES_PER
@@ -26,18 +26,19 @@ class WorkshopFlags:
     """Options of the flat parts."""
 
     model: Annotated[
-        str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
+        str | None,
+        Parameter(help="Make a model in card at this scale, 1:50; by default from sheets of A3, 1 mm thick."),
     ] = None
     stock: Annotated[
         str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
     ] = None
-    thickness: Annotated[str | None, Parameter(help="Of one layer: 1mm, 0.012m.")] = None
+    thickness: Annotated[str | None, Parameter(help="Thickness of one layer: 1mm, 0.012m.")] = None
     ifc: Annotated[
-        bool, Parameter(help="Also members.ifc: each member with its quantities and its drawings.", negative=())
+        bool, Parameter(help="Also write members.ifc: each member with its quantities and its drawings.", negative=())
     ] = False
 
 
-PRESET_FLAGS = WorkshopFlags()  # Options of the preset.
+PRESET_FLAGS = WorkshopFlags()  # No option is set, so the preset's own values apply.
 
 
 def workshop(
@@ -59,8 +60,7 @@ def workshop(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.design import Design
     from dsfab.export import require_writable
     from dsfab.render import up_axis
@@ -78,8 +78,7 @@ def workshop(
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
         documents = _documents(plan, design, flags.ifc)
     if not quiet:
-        for note in plan.notes:
-            print_result(note)
+        print_lines(plan.notes)
     written_folder = write_workshop(plan, target, loaded.name, documents)
     if not quiet:
         _print_files(plan, written_folder, documents)
@@ -95,7 +94,7 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
     return documents | ({MEMBERS: members_ifc(plan, design)} if ifc else {})
 
 
-MEMBERS = "members.ifc"  # File with the members for a building model (BIM).
+MEMBERS = "members.ifc"  # Name of the file of members for a building model (BIM).
 
 
 def _check_ifc(preset: "Preset") -> None:
@@ -103,7 +102,9 @@ def _check_ifc(preset: "Preset") -> None:
 
     FORMATS[f".{MEMBERS}"].ready()
     if preset.workshop.model:
-        raise PresetError("--ifc is for full size, and this is a model in card; leave out --ifc or --model")
+        raise PresetError(
+            "--ifc needs a structure of full size, but --model makes a card model; leave out --ifc or --model"
+        )
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
@@ -115,14 +116,14 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
     if plan.graph is None:
         raise PatternError(
-            "a flat design is cut as one sheet, and its parts are of no member; leave out --ifc, or write the members "
-            "with: dsfab export ... --to members.ifc"
+            "parts of a flat design belong to no member, because dsfab cuts it as one sheet; leave out --ifc, or write "
+            "the members with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        whole_members=True,  # members lie in layers
+        whole_members=True,  # members lie in layers, so nodes do not divide them
         drawings=drawing_files(plan),
         measures={**details.measures, "thickness": plan.thickness},
     )
@@ -145,7 +146,7 @@ def _print_files(plan: "WorkshopPlan", folder: Path, documents: Mapping[str, byt
 
 
 CARD_MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
-"""Values of [workshop] for card: A3, 1 mm, holes for pins, and kerf of the laser; metres."""
+"""Values of [workshop] for card: A3 sheets of 1 mm, holes for pins, and the laser's kerf; metres."""
 PAPER_SIZES = {
     "A4": (0.297, 0.21),
     "A3": (0.42, 0.297),
@@ -157,9 +158,7 @@ PAPER_SIZES = {
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
-    length.
-    """
+    """Return a source with the changes of --model, --stock and --thickness. Raises PresetError for an invalid value."""
     texts = []
     if model is not None:
         set_values = source.set_values()
@@ -179,7 +178,7 @@ def _scale(text: str) -> float:
     except (ValueError, ZeroDivisionError):
         value = 0.0
     if not 1 <= value < 1e5:
-        raise PresetError(f"--model {text!r} is no scale of a model; write for instance --model 1:50")
+        raise PresetError(f"--model {text!r} is not a scale; write for instance --model 1:50")
     return value
 
 
@@ -188,7 +187,9 @@ def _stock(text: str) -> tuple[float, float]:
         return PAPER_SIZES[text.upper()]
     length_, cross, width = text.lower().partition("x")
     if not cross:
-        raise PresetError(f"--stock {text!r} is no sheet; write {', '.join(PAPER_SIZES)}, or for instance 2.5x1.25m")
+        raise PresetError(
+            f"--stock {text!r} is not a size of a sheet; write {', '.join(PAPER_SIZES)}, or for instance 2.5x1.25m"
+        )
     unit = width.lstrip("0123456789. ") or "m"
     length_ = length_ if length_.strip()[-1:].isalpha() else length_ + unit
     return _metres(length_, "--stock"), _metres(width, "--stock")
@@ -202,5 +203,5 @@ def _metres(text: str, option: str) -> float:
     except (ValueError, KeyError):
         value = 0.0
     if not 0 < value < 1e3:
-        raise PresetError(f"{option} {text!r} is no length; write for instance 1mm, 12mm or 0.012m")
+        raise PresetError(f"{option} {text!r} is not a length; write for instance 1mm, 12mm or 0.012m")
     return value

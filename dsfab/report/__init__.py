@@ -1,1 +1,1 @@
-"""Pages, charts and folders of results, for the user and the engineer."""
+"""Reports: pages, charts and folders of results, for the user and the engineer."""

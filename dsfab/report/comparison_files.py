@@ -1,4 +1,4 @@
-"""Files of `dsfab compare`: tables of results, and a summary page of several comparisons."""
+"""Files of `dsfab compare`: tables of results, and a summary page of several designs."""
 
 import csv
 import io
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 def write_results(
     preset: "Preset", comparisons: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """Write results.csv and results.json, and return the text of results.json; `verdict` is the design's full check."""
+    """Write results.csv and results.json; return the text of results.json. Its `verdict` is the design's full check."""
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, a in comparisons for row in a.record()["competitors"]]
@@ -66,7 +66,7 @@ def _cell(value: Any) -> Any:
 
 
 def summary_document(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """Return a document on several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : folder of the page."""
+    """Return the summary of several designs. rows : see `dsfab.app.compare.SummaryRow`. folder : folder of the page."""
     compared = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_verdict_counts(rows), "lead")]
     if compared:

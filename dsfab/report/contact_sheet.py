@@ -1,4 +1,4 @@
-"""Contact sheets and films of many pictures."""
+"""Contact sheets and films of many variants."""
 
 import re
 from collections.abc import Sequence
@@ -20,18 +20,17 @@ if TYPE_CHECKING:
 
 
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
-"""Distances in pixels: between tiles, around the sheet, below a tile for its label, above all tiles for the title."""
+"""Distances in pixels: between tiles, around the sheet, below a tile for its label, and above the tiles for the
+title."""
 
-MAX_COLUMNS = 8
-"""Largest number of tiles in a row."""
-
+MAX_COLUMNS = 8  # Largest number of tiles in a row.
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 
 @dataclass(frozen=True, eq=False)
 class ContactTile:
-    """A variant: its number from 1, parameters as (short name, text), command, and picture or error.
-    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much."""
+    """A variant on a contact sheet: number from 1, parameters as (short name, text), command, and picture or error.
+    png : the picture as a PNG file, which takes a tenth of the memory of an image."""
 
     number: int
     parameters: tuple[tuple[str, str], ...]
@@ -41,24 +40,24 @@ class ContactTile:
 
     @property
     def picture(self) -> "Image | None":
-        """The picture, read anew at each access."""
+        """The picture; each access decodes the PNG file again."""
         from PIL import Image
 
         return None if self.png is None else Image.open(BytesIO(self.png))
 
     @property
     def file(self) -> str:
-        """Name of the file of its picture."""
+        """Name of the file for the picture."""
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Return its parameters in a line; `letters` limits each word of their names."""
+        """Return the parameters in a line; `letters` is the largest length of each word in their names."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def column_count(count: int, runs: Sequence[int]) -> int:
-    """Return the number of tiles in a row: whole runs of the fastest keys if they fit, else a sheet wider than high."""
+    """Return the number of tiles in a row; if possible a row holds all values of the keys that change fastest."""
     row, columns_of_runs = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -75,7 +74,7 @@ def contact_sheet(
     aspect: float,
     palette: Palette,
 ) -> "Image":
-    """Return a sheet of tiles with title and last line; tile_width : pixels; aspect : width over height of a tile."""
+    """Return a sheet of tiles with title and subtitle. tile_width : pixels. aspect : width over height of a tile."""
     from PIL import Image, ImageDraw, ImageFont
 
     tile_height, rows = round(tile_width / aspect), -(-len(tiles) // columns)
@@ -105,15 +104,8 @@ def _paste_tile(
         small = ImageFont.load_default(size=15)
         lines = _wrapped_lines(tile.error, wide - 48, small)[: max(1, high // 22 - 2)]
         draw.rectangle((x, y, x + wide - 1, y + high - 1), outline=hair)
-        draw.multiline_text(
-            (x + wide / 2, y + high / 2),
-            "\n".join(lines),
-            fill=grey,
-            font=small,
-            anchor="mm",
-            align="center",
-            spacing=6,
-        )
+        middle, text = (x + wide / 2, y + high / 2), "\n".join(lines)
+        draw.multiline_text(middle, text, fill=grey, font=small, anchor="mm", align="center", spacing=6)
     else:
         sheet.paste(picture.resize(size, Image.Resampling.LANCZOS), corner)
     draw.line((x, y + high + 6, x + wide - 1, y + high + 6), fill=hair)
@@ -153,14 +145,12 @@ def _wrapped_lines(text: str, room: float, font: Any) -> list[str]:
 
 
 def contact_page(tiles: Sequence[ContactTile], title: str, subtitle: str, columns: int) -> str:
-    """Return the contact sheet as HTML with relative links to the pictures: picture, parameters and command of each."""
+    """Return the contact sheet as HTML with picture, parameters and command of each variant; pictures are files
+    beside it."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(subtitle)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
-    return html_page(title, body, _STYLE.replace("ACROSS", str(_page_columns(columns))))
-
-
-def _page_columns(columns: int) -> int:
-    return columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
+    across = columns if columns <= 4 else next((k for k in (4, 3) if columns % k == 0), 4)
+    return html_page(title, body, _STYLE.replace("ACROSS", str(across)))
 
 
 def _figure(tile: ContactTile) -> str:
@@ -177,7 +167,7 @@ def _figure(tile: ContactTile) -> str:
 
 
 def pictures_on_page(folder: Path) -> set[str]:
-    """Return the names of the pictures that the page in a folder shows, so that a new page can remove them."""
+    """Return the names of the pictures on a folder's page, so that a new page can remove them."""
     try:
         return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -210,25 +200,23 @@ before it is cut: pieces that reach no support may still be there, and the thick
 
 
 def check_film(values: Values, fps: float) -> None:
-    """Raise DsfabError unless exactly one key has several values and `fps` is possible."""
+    """Raise DsfabError unless exactly one key has several values, and `fps` is a possible number of frames a second."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(
-            f"--animate runs along one key with several values, here there are {len(several)}"
-            + (f" ({', '.join(several)}); vary one of them and --set the others" if several else "")
+            f"--animate needs one key with several values, but {len(several)} keys have several"
+            + (f" ({', '.join(several)}); vary one key and --set the others" if several else "")
         )
     if not 0.1 <= fps <= 50:
         raise DsfabError(f"--fps {fps:g} is not between 0.1 and 50 pictures a second; write for instance 8")
 
 
 def write_film(tiles: Sequence[ContactTile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures and their parameters as an endless film, forwards and backwards; skip variants without a
-    picture.
-    """
+    """Write the pictures and their parameters as an endless film, forwards and backwards; skip failed variants."""
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     order = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
-    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]  # a pause at both ends
+    durations = [round(1000 / fps * (4 if place in ends else 1)) for place in order]  # the film pauses at both ends
     if path.suffix == ".gif":
         frames = _with_shared_palette(frames)
     first_frame, *rest = [frames[place] for place in order]
@@ -250,7 +238,7 @@ def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image"
 
 
 def _with_shared_palette(frames: "list[Image]") -> "list[Image]":
-    """Frames with one shared palette, chosen on a strip of samples, so that parts at rest do not flicker."""
+    """Return frames with one palette for all frames, so that equal parts do not flicker."""
     from PIL import Image
 
     sample = frames[:: max(1, len(frames) // 4)]

@@ -1,4 +1,4 @@
-"""The page kit: a document as plain blocks, and HTML pages that load nothing from the network."""
+"""Blocks of a document, and HTML pages that load nothing from the network."""
 
 import base64
 import re
@@ -21,7 +21,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "bad": (168, 50, 26),
     "open": (138, 90, 0),
 }
-"""Red green blue in 0..255 by the names of CSS variables, for pages and PDFs."""
+"""Red, green and blue from 0 to 255 by the names of CSS variables, for pages and PDFs."""
 
 _STYLE = """
 * { box-sizing: border-box; }
@@ -47,7 +47,7 @@ code { font: 12.5px/1.55 var(--mono); background: var(--tint); padding: .15rem .
 
 
 def page_style() -> str:
-    """Return the CSS of every page: variables and common rules, before a page's own rules."""
+    """Return the CSS that all pages share; the rules of a page follow it."""
     colours = " ".join(f"--{name}: rgb{colour};" for name, colour in COLOURS.items())
     fonts = (
         '--sans: system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; '
@@ -57,7 +57,7 @@ def page_style() -> str:
 
 
 def html_page(title: str, body: str, page_rules: str = "") -> str:
-    """Return a whole file: plain `title`, `body` as markup, and further rules in CSS."""
+    """Return a whole HTML file: `title` is plain text, `body` is markup, `page_rules` is CSS."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -66,14 +66,14 @@ def html_page(title: str, body: str, page_rules: str = "") -> str:
 
 
 def image_tag(source: str, alt: str, size: tuple[int, int], lazy: bool = True) -> str:
-    """Return an image tag for a picture of this size in pixels; `alt` is plain text."""
+    """Return an image tag; `size` is in pixels, `alt` is plain text."""
     wide, high = size
     loading = ' loading="lazy"' if lazy else ""
     return f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{wide}" height="{high}"{loading}>'
 
 
 def reason_paragraph(text: str) -> str:
-    """Return the reason for a missing picture, to stand in its place."""
+    """Return a paragraph with the reason for a missing picture."""
     return f'<p class="why">{escape(text)}</p>'
 
 
@@ -90,7 +90,7 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Bullets:
-    """A list."""
+    """A list of items with bullets."""
 
     items: Sequence[str]
 
@@ -104,7 +104,7 @@ class Code:
 
 @dataclass(frozen=True)
 class Banner:
-    """A verdict in large type: status `pass`, `fail` or `unknown`, and its meaning."""
+    """A verdict in large type: status `pass`, `fail` or `unknown`, title, and explanation."""
 
     status: str
     title: str
@@ -113,10 +113,9 @@ class Banner:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a head; the first `left` columns are flush left, numbers flush right; `pass` and `fail` are coloured.
-    widths : shares of the page's width; empty for even shares.    note : text below the table.   strong : emphasised
-             rows.
-    """
+    """Rows under a head; `pass` and `fail` are coloured. left_columns : number of columns that are flush left.
+    widths : shares of the page's width; empty for even shares.    note : text below the table.
+    strong : numbers of emphasised rows."""
 
     caption: str
     head: Sequence[str]
@@ -138,7 +137,7 @@ class ColourScale:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A picture: PNG or JPEG bytes of (width, height) pixels, and its share `width` of the page, 0 to 1.
+    """A picture: PNG or JPEG bytes of (width, height) pixels; `width` is its share of the page's width, 0 to 1.
     missing : reason for a missing picture."""
 
     caption: str
@@ -166,7 +165,7 @@ Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | FigureRow
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A numbered section. own_page : begins a page in print."""
+    """A numbered section. own_page : whether the section begins on a new printed page."""
 
     title: str
     blocks: Sequence[Block]
@@ -175,7 +174,7 @@ class ReportSection:
 
 @dataclass(frozen=True)
 class Document:
-    """A document: title and subject, facts of the title block (name and value), sections, footer of all pages."""
+    """A document: title, subject, names and values of the title block, sections, and the footer of all pages."""
 
     title: str
     subject: str
@@ -186,7 +185,7 @@ class Document:
 
 @dataclass
 class CaptionNumbers:
-    """Counters of figures and tables."""
+    """Counters that number the captions of figures and tables."""
 
     figures: int = 0
     tables: int = 0
@@ -204,18 +203,15 @@ class CaptionNumbers:
 
 
 def escaped_text(text: str) -> str:
-    """Return any text as markup."""
+    """Return plain text as markup."""
     return escape(text, quote=False)
 
 
 def document_html(document: Document) -> str:
     """Return a document as an HTML file."""
     running_title, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
-    rules = (
-        DOCUMENT_STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}")
-        .replace("RUNNING", running_title)
-        .replace("FOOTER", footer)
-    )
+    rules = DOCUMENT_STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}")
+    rules = rules.replace("RUNNING", running_title).replace("FOOTER", footer)
     sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
     body = [_title(document), *sections, f"<footer>{escape(document.footer)}</footer>"]
     return html_page(f"{document.title}: {document.subject}", "\n".join(body), rules)
@@ -259,9 +255,8 @@ def _table(table: Table) -> str:
     def cells(row: Sequence[str], tag: str) -> str:
         return "".join(f"<{tag}{_kind(cell, i < table.left_columns)}>{cell}</{tag}>" for i, cell in enumerate(row))
 
-    rows = "".join(
-        f"<tr{' class=strong' if i in table.strong else ''}>{cells(row, 'td')}</tr>" for i, row in enumerate(table.rows)
-    )
+    kinds = (" class=strong" if i in table.strong else "" for i in range(len(table.rows)))
+    rows = "".join(f"<tr{kind}>{cells(row, 'td')}</tr>" for kind, row in zip(kinds, table.rows, strict=True))
     note = f'<p class="note">{table.note}</p>' if table.note else ""
     return (
         f'<div class="table"><table><caption>{table.caption}</caption>'
@@ -279,16 +274,15 @@ def _figure(figure: ReportFigure) -> str:
     if figure.missing:
         return f"<figure>{reason_paragraph(figure.missing)}{caption}</figure>"
     data = base64.b64encode(figure.image).decode("ascii")
-    inside = image_tag(
-        f"data:image/{figure.kind};base64,{data}", without_markup(figure.caption), figure.size, lazy=False
-    )
+    source = f"data:image/{figure.kind};base64,{data}"
+    inside = image_tag(source, without_markup(figure.caption), figure.size, lazy=False)
     width = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
     scale = _scale(figure.scale) if figure.scale else ""
     return f"<figure{width}>{inside}{scale}{caption}</figure>"
 
 
 def without_markup(markup: str) -> str:
-    """Return a text without its tags."""
+    """Return markup without its tags."""
     return re.sub(r"<[^>]+>", "", markup)
 
 
@@ -348,6 +342,5 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
-"""Rules of a document: an A4 sheet on screen and on paper.
-RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which page margins cannot read.
-"""
+"""CSS of a document: an A4 sheet on screen and on paper. RUNNING and FOOTER become texts at the edges of printed pages.
+QUIET becomes a colour, because the edges of a page cannot read CSS variables."""

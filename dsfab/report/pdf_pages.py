@@ -26,8 +26,7 @@ from dsfab.report.html_pages import (
     escaped_text,
 )
 
-MM = 72 / 25.4
-"""Points per millimetre."""
+MM = 72 / 25.4  # Points per millimetre.
 
 COLOURS: Mapping[str, PageColour] = {
     **PAGE,
@@ -36,11 +35,11 @@ COLOURS: Mapping[str, PageColour] = {
     "unknown": PAGE["open"],
     "note": PAGE["quiet"],
 }
-"""Colours of the page on a screen, and those of the verdicts."""
+"""Colours of HTML pages, and the colours of verdicts."""
 
 
 def reportlab_colour(rgb: PageColour) -> Any:
-    """Return a colour of reportlab."""
+    """Return a colour as an object of reportlab."""
     from reportlab.lib.colors import Color
 
     return Color(*(part / 255 for part in rgb))
@@ -60,12 +59,12 @@ class PdfStyles:
 
     @classmethod
     def from_text(cls, text: str) -> Self:
-        """Return styles in fonts that have the letters of a text; see `fonts`."""
+        """Return styles with fonts that have all letters of a text; see `fonts`."""
         names = fonts(text)
         return cls(_styles(*names), names[0])
 
     def text(self, markup: str, kind: str, **named: Any) -> Any:
-        """Return a paragraph."""
+        """Return a paragraph of this kind."""
         from reportlab.platypus import Paragraph
 
         code = f'<font face="{self.by_kind["code"].fontName}">'
@@ -76,18 +75,18 @@ class PdfStyles:
         if markup in MARKS:
             markup = f'<font color="{hex_colour(COLOURS[markup])}"><b>{markup}</b></font>'
         if not is_left and kind != "head" and "<" not in markup:
-            markup = markup.replace(" ", "\u00a0")  # a number stays beside its unit
+            markup = markup.replace(" ", "\u00a0")  # no line break between number and unit
         return self.text(markup, f"{kind}_{'left' if is_left else 'right'}")
 
     def gap(self, millimetres: float) -> Any:
-        """Return an empty gap."""
+        """Return an empty space of this height."""
         from reportlab.platypus import Spacer
 
         return Spacer(1, millimetres * MM)
 
 
 def fonts(text: str) -> tuple[str, str, str]:
-    """Return the regular, bold and monospaced font: Helvetica and Courier for Western letters, else DejaVu Sans."""
+    """Return regular, bold and monospaced font: Helvetica and Courier for Western letters, else DejaVu Sans."""
     try:
         text.encode("cp1252")
     except UnicodeEncodeError:
@@ -148,19 +147,16 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
     return kinds
 
 
-TEXT_WIDTH = 174.0
-"""Width of the text, millimetres: A4 less its margins."""
-
-FRAME_PADDING = 6.0
-"""Padding of reportlab's frames, points."""
+TEXT_WIDTH = 174.0  # Width of the text on A4, millimetres.
+FRAME_PADDING = 6.0  # Padding of reportlab's frames, points.
 
 
 def require_pdf() -> None:
-    """Raise ExportError without reportlab."""
+    """Raise ExportError if reportlab is not installed."""
     try:
         import reportlab  # noqa: F401
     except ImportError:
-        raise ExportError("report.pdf needs reportlab, which is not installed; pip install reportlab") from None
+        raise ExportError("report.pdf needs reportlab, which is not installed; run pip install reportlab") from None
 
 
 def document_pdf(document: Document) -> bytes:
@@ -168,7 +164,7 @@ def document_pdf(document: Document) -> bytes:
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 
-    styles = PdfStyles.from_text(_all_text(document))
+    styles = PdfStyles.from_text(repr(document.sections) + document.subject + repr(document.facts))
     file = io.BytesIO()
     template = SimpleDocTemplate(
         file,
@@ -188,12 +184,8 @@ def document_pdf(document: Document) -> bytes:
     return file.getvalue()
 
 
-def _all_text(document: Document) -> str:
-    return repr(document.sections) + document.subject + repr(document.facts)
-
-
 def _numbered_canvas(document: Document, styles: PdfStyles, *arguments: Any, **named: Any) -> Any:
-    """Return a canvas that draws the edges of all pages at the end, because only then it knows their number."""
+    """Return a canvas that draws headers and footers after the last page, because they contain the number of pages."""
     from reportlab.pdfgen.canvas import Canvas
 
     class NumberedCanvas(Canvas):  # type: ignore[misc]
@@ -231,22 +223,16 @@ def _title(document: Document, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import HRFlowable, Spacer
 
     rule = HRFlowable(width="100%", thickness=2, color=reportlab_colour(COLOURS["blue"]), spaceAfter=3 * MM)
-    words = [
-        styles.text(escaped_text(document.title.upper()), "over"),
-        styles.text(escaped_text(document.subject), "title"),
-    ]
+    over, subject = escaped_text(document.title.upper()), escaped_text(document.subject)
+    words = [styles.text(over, "over"), styles.text(subject, "title")]
     cells = [
         [styles.text(escaped_text(name), "fact_name"), styles.text(escaped_text(value), "fact")]
         for name, value in document.facts
     ]
     cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
     rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
-    return [
-        rule,
-        *words,
-        _grid(rows, [TEXT_WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
-        Spacer(1, 5 * MM),
-    ]
+    lines = [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]
+    return [rule, *words, _grid(rows, [TEXT_WIDTH / 4] * 4, lines), Spacer(1, 5 * MM)]
 
 
 def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
@@ -260,20 +246,14 @@ def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequenc
 def _section(number: int, section: ReportSection, styles: PdfStyles) -> list[Any]:
     from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
 
-    accent = hex_colour(COLOURS["blue"])
-    head = styles.text(
-        f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped_text(section.title)}', "heading"
-    )
+    number_markup = f'<font color="{hex_colour(COLOURS["blue"])}">{number}</font>'
+    head = styles.text(f"{number_markup}&nbsp;&nbsp;&nbsp;{escaped_text(section.title)}", "heading")
     page_break = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first_block, *rest = [_block(block, styles) for block in section.blocks]
-    # the KeepTogether of the heading must not contain a second KeepTogether
+    # reportlab does not allow a KeepTogether inside a KeepTogether
     with_heading = first_block[0]._content if isinstance(first_block[0], KeepTogether) else first_block[:1]
-    return [
-        *page_break,
-        KeepTogether([head, *with_heading]),
-        *first_block[1:],
-        *(part for parts in rest for part in parts),
-    ]
+    further = [part for parts in rest for part in parts]
+    return [*page_break, KeepTogether([head, *with_heading]), *first_block[1:], *further]
 
 
 def _block(block: Block, styles: PdfStyles) -> list[Any]:
@@ -297,7 +277,7 @@ def _block(block: Block, styles: PdfStyles) -> list[Any]:
 def _code(text: str, styles: PdfStyles) -> Any:
     from reportlab.platypus import XPreformatted
 
-    size = 112  # characters of a line
+    size = 112  # so many characters fit into a line
     lines = [line[i : i + size] for line in text.splitlines() for i in range(0, max(len(line), 1), size)]
     return XPreformatted(escaped_text("\n".join(lines)), styles.by_kind["code"])
 
@@ -366,7 +346,7 @@ def _figure(figure: ReportFigure, styles: PdfStyles, width: float) -> list[Any]:
     if figure.missing:
         return [styles.text(escaped_text(figure.missing), "missing"), caption]
     wide, high = figure.size
-    height = min(width * high / wide, 150.0)  # mm
+    height = min(width * high / wide, 150.0)  # millimetres
     image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
     return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 
@@ -381,7 +361,7 @@ def _scale(scale: ColourScale, styles: PdfStyles, width: float) -> list[Any]:
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
     words = [styles.text(escaped_text(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
-    # labels stand at the borders of the bands, so the first and the last have half a cell
+    # labels stand at the borders of the bands, so the first and the last label get half a cell
     step = share / (ends - 1)
     labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
     return [styles.text(escaped_text(scale.title), "scale_title"), bands, labels]

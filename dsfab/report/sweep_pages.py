@@ -1,4 +1,4 @@
-"""The page, the contact sheet and the pictures of a sweep."""
+"""Pages of a sweep: index.html, the contact sheet, and the pictures of runs."""
 
 import io
 import json
@@ -42,23 +42,20 @@ if TYPE_CHECKING:
 
 
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
-
-_stages = threading.local()
-"""For each thread: the last surface, its drawer, and its empty stage."""
+_stages = threading.local()  # Each thread keeps its last surface, drawer, and stage.
 
 
 def require_view(name: str) -> None:
     """Raise DsfabError for an unknown view, before the work begins."""
-    if name != "iso":  # iso needs the surface
+    if name != "iso":  # the view iso depends on the surface
         named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
 
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. A drawer can be pickled.
-    The uncut surface fills the page, so that designs of one surface can be overlaid.
-    Raises DsfabError if this machine cannot draw, and for unknown views.
-    """
+    """Draws the cut sheet of a design as PNG. size : pixels. view : as in `dsfab preview`. A drawer can be pickled.
+    The uncut surface fills the picture, so that pictures of one surface can be overlaid.
+    Raises DsfabError for an unknown view, and if this machine cannot draw."""
 
     size: tuple[int, int]
     view: str
@@ -87,47 +84,46 @@ class SheetDrawer:
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
             if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
-            # a reference to the surface stays, so that its id remains unique
+            # the stage belongs to this id, and no new surface gets the id while the old surface is stored
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
         cached: Stage = _stages.stage
         return cached
 
 
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""Metrics that the page shows first, if the sweep measures them: stiffness, and weight."""
-
+"""Usual metrics of the chart's axes, in order of preference: stiffness, and weight."""
 
 PAGE = "index.html"
 
 
 def first_metric(plan: Plan) -> str:
-    """Return the metric that ranks the runs by default: that of the search, or the stiffness."""
+    """Return the metric that ranks the runs: the metric of the search, or a usual metric of stiffness."""
     if plan.search is not None:
         return plan.search.metric
     return next((name for name in USUAL[0] if name in plan.measured_metrics), plan.measured_metrics[0])
 
 
 def second_metric(plan: Plan) -> str:
-    """Return the metric of the chart's second axis."""
+    """Return the metric on the second axis of the chart."""
     metric, measured = first_metric(plan), plan.measured_metrics
     candidates = [name for name in measured if name != metric]
     return next((name for name in USUAL[1] if name in candidates), candidates[0] if candidates else metric)
 
 
 class SweepPages:
-    """Writes index.html at intervals while a sweep runs, and all pages at its end."""
+    """Writes index.html while a sweep runs, and all pages at its end."""
 
     def __init__(self, folder: SweepFolder) -> None:
         self._folder, self._written = folder, time.monotonic()
 
     def write_if_old(self) -> None:
-        """Write the page if the last one is older than half a minute."""
+        """Write index.html if half a minute has passed since the last time."""
         if time.monotonic() - self._written > 30:
             self._write_page(self._folder.rows())
             self._written = time.monotonic()
 
     def write(self) -> None:
-        """Write the page and the contact sheet."""
+        """Write index.html and the contact sheet."""
         rows = self._folder.rows()
         self._write_page(rows)
         if any(picture_of(row) for row in rows):
@@ -150,10 +146,8 @@ def _contact_sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
         shown = [row for row in shown if row.number in chosen]
         subject = f"the best {len(shown)} of {len(rows)} runs by {first_metric(plan)}"
     tiles = [_tile(folder.path, row, first_metric(plan)) for row in shown]
-    column_number = column_count(
-        len(tiles),
-        [len(axis.grid_changes()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
-    )
+    is_grid = plan.sampling == "grid" and plan.search is None
+    column_number = column_count(len(tiles), [len(axis.grid_changes()) for axis in plan.axes] if is_grid else [])
     wide, high = (int(word) for word in plan.size.split("x"))
     subtitle = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
     return contact_sheet(tiles, f"{folder.preset.name}, {subject}", subtitle, column_number, 260, wide / high, PAPER)
@@ -168,26 +162,22 @@ def _tile(folder: Path, row: RunRow, metric: str) -> ContactTile:
             picture = (folder / name).read_bytes()
             with Image.open(BytesIO(picture)) as image:
                 image.load()
-        except OSError:  # the user removed or damaged the picture, but its numbers remain
+        except OSError:  # the user removed or damaged the picture
             picture = None
     short = short_names(list(row.changes))
-    parameters = [(short[key], _short_value(value)) for key, value in row.changes.items()]
+    texts = {key: f"{x:.4g}" if isinstance(x, float) else spelled_value(x) for key, x in row.changes.items()}
+    parameters = [(short[key], text) for key, text in texts.items()]
     if metric in row.metrics:
         parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
     return ContactTile(row.number, tuple(parameters), "", picture, row.error or "no picture")
 
 
-def _short_value(value: Any) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else spelled_value(value)
-
-
 def sweep_summary(folder: SweepFolder) -> str:
-    """Return a few lines at the end: states of the runs, the best, the front, and the files."""
+    """Return lines about a sweep: states of the runs, best run, front of best runs, and files."""
     rows, plan = folder.rows(), folder.plan
     metric, other_metric = first_metric(plan), second_metric(plan)
-    done_count, failed_count, killed_count = (
-        sum(row.state == state for row in rows) for state in ("done", "failed", "killed")
-    )
+    states = [row.state for row in rows]
+    done_count, failed_count, killed_count = (states.count(state) for state in ("done", "failed", "killed"))
     left_count = len(rows) - done_count - failed_count - killed_count
     rest_words = f", {killed_count} killed" * (killed_count > 0) + f", {left_count} left" * (left_count > 0)
     lines = [f"{len(rows)} runs: {done_count} done, {failed_count} failed{rest_words}"]
@@ -196,17 +186,15 @@ def sweep_summary(folder: SweepFolder) -> str:
         lines.append(f"{feasible_count} of them meet {', '.join(plan.constraints)}")
     if ranked := best(rows, metric, plan.limits):
         lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
-        lines.append(
-            f"{len(pareto(rows, metric, other_metric, plan.limits))} runs on the front of {metric} against "
-            f"{other_metric}"
-        )
+        front = pareto(rows, metric, other_metric, plan.limits)
+        lines.append(f"{len(front)} runs on the front of {metric} against {other_metric}")
     files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
     return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
 
 
 def loss_sentence(folder: SweepFolder) -> str:
-    """Return a sentence if an alternative is stiffer than the best run of a search; else ''.
-    If the runs did not measure it, the best design is made again."""
+    """Return a sentence if a simple alternative is stiffer than the best run of a search; else ''.
+    If the runs did not measure the alternatives, dsfab makes the best design again."""
     ranked = best(folder.rows(), first_metric(folder.plan), folder.plan.limits)
     if not ranked:
         return ""
@@ -222,7 +210,7 @@ def loss_sentence(folder: SweepFolder) -> str:
 
 
 def missing_runs_line(folder: SweepFolder) -> str:
-    """Return a line on runs without a result, with the numbers of killed ones; '' if none. Failed runs have results."""
+    """Return a line on runs without a result, and the numbers of killed runs; '' if no run is missing."""
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
@@ -234,20 +222,14 @@ def missing_runs_line(folder: SweepFolder) -> str:
 
 
 def sweep_page(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> str:
-    """Return index.html, which opens offline; `y_metric` and `x_metric` are the metrics that its chart shows first.
-    Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
-    values as such. See sweep_page.html for its script.
+    """Return index.html, which opens offline; `y_metric` and `x_metric` are the first metrics of its chart.
+    It contains all numbers, also missing values and failed runs; pictures are files beside it. Script: sweep_page.html.
     """
-    facts = json.dumps(
-        _page_facts(folder, rows, y_metric, x_metric), ensure_ascii=False, separators=(",", ":"), allow_nan=False
-    )
+    facts = _page_facts(folder, rows, y_metric, x_metric)
+    text = json.dumps(facts, ensure_ascii=False, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
     title = escape(f"{folder.preset.name}, {len(rows)} runs")
-    return (
-        template.replace("{{title}}", title)
-        .replace("{{style}}", page_style())
-        .replace("{{facts}}", facts.replace("</", "<\\/"))
-    )
+    return template.replace("{{title}}", title).replace("{{style}}", page_style()).replace("{{facts}}", text)
 
 
 def _page_facts(folder: SweepFolder, rows: Sequence[RunRow], y_metric: str, x_metric: str) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""The paper's figures and claims, reproduced on one page."""
+"""The paper's figures and claims, made again on one page."""

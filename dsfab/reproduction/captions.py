@@ -1,4 +1,4 @@
-"""Claims in the paper's captions, checked: rings, spokes and links are counted on the phases of both families."""
+"""Checks of claims in the paper's captions: rings, spokes and links of both families, counted on their phases."""
 
 from dataclasses import dataclass
 
@@ -11,27 +11,26 @@ from dsfab.design import Design
 from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
-RINGS, SPOKES = 2, 4  # Least number of rings of a web, and of spokes that cross each ring.
+RINGS, SPOKES = 2, 4  # Least number of rings in a web, and least number of spokes across each ring.
 
 
 @dataclass(frozen=True)
 class Web:
-    """Rings of a family around a load, the innermost first, each with the number of crossing lines of the second
-    family.
-    family : family of the rings; '' without rings.
-    """
+    """Rings of one family around a load, the innermost ring first.
+    family  : family of the rings; '' without rings.
+    crossed : for each ring, the number of lines of the second family that cross it."""
 
     family: str = ""
     crossed: tuple[int, ...] = ()
 
     @property
     def is_web(self) -> bool:
-        """True if enough rings have enough spokes."""
+        """True if at least `RINGS` rings have at least `SPOKES` spokes."""
         return sum(count >= SPOKES for count in self.crossed) >= RINGS
 
     @property
     def sentence(self) -> str:
-        """Result as the end of a caption."""
+        """Clause about the web for the caption of a figure."""
         rings = [count for count in self.crossed if count >= SPOKES]
         if self.is_web:
             spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
@@ -49,10 +48,9 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
-    """Return the better of two webs: rings of the major family, or rings of the minor family.
-    phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
-    load, supported : (n,) vertices under the load, and at supports.
-    """
+    """Return the better of two webs: with rings of the major family, or with rings of the minor family.
+    phases : (n, 2) phases of the major and minor family; a whole number lies in the middle of a member.
+    load, supported : (n,) marked vertices under the load, and at supports."""
     webs = []
     for k, name in enumerate(("major", "minor")):
         levels = _levels(phases[:, k])
@@ -64,7 +62,7 @@ def web(surface: Surface, phases: Floats, load: Bools, supported: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[int, int]:
-    """Return how many middle lines of the major and minor family run without a break between two sets of vertices."""
+    """Return how many middle lines of the major and minor family connect two sets of vertices (n,) without a gap."""
     counts = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -75,14 +73,14 @@ def links(surface: Surface, phases: Floats, start: Bools, end: Bools) -> tuple[i
 
 
 def design_phases(design: Design) -> Floats:
-    """Return (n, 2) phases of a design whose stripes lie on modes."""
+    """Return phases (n, 2) of both families, for a design whose stripes follow modes."""
     pattern, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, pattern.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(pattern.frequency) + np.array(pattern.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
-    """Return the connected parts (n,) of the loaded vertices, the largest first."""
+    """Return the connected parts (n,) of the loaded vertices (n,), the largest part first."""
     a, b = surface.edges.ends.T
     is_loaded = loaded[a] & loaded[b]
     label = _labels(a[is_loaded], b[is_loaded], surface.n)
@@ -99,13 +97,13 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the loaded part (n,) of the surface inside the line z = level, if it is a disc without supports."""
+    """Return the vertices (n,) inside the line z = level around the load; None if they are no disc without supports."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
     label = _labels(a[same_side], b[same_side], surface.n)
     inside = np.unique(label[load])
-    if len(inside) != 1:  # the line passes under the load
+    if len(inside) != 1:  # the line crosses the loaded patch
         return None
     region = label == inside[0]
     return region if not region[supported].any() and _is_disc(surface, region) else None
@@ -118,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the second family (z a whole number) cross the line ring = 0."""
+    """Return how many middle lines of the second family (z a whole number) cross the edge of a region, ring = 0."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))
@@ -144,7 +142,7 @@ def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
 
 
 def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
-    """Return (n,) marked vertices (n,) and `rows` rows of vertices around them."""
+    """Return the marked vertices (n,) and their neighbours up to `rows` edges away."""
     reached = marked.copy()
     a, b = surface.edges.ends.T
     for _ in range(rows):
@@ -153,11 +151,11 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
     return reached
 
 
-ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle (degrees) of a grid, and largest P95 over P5 of its spacing.
+ANGLE, EVENNESS = 60.0, 3.0  # Least crossing angle of a grid, degrees, and largest ratio P95 / P5 of its spacing.
 
 
 def finding(claim: str, rendition: Rendition) -> str:
-    """Return the result for a claim (`PaperFigure`) as a clause; '' without a claim or a design of `rendition`."""
+    """Return the result of a claim (see `PaperFigure`) as a clause; '' without a claim, or if the rendition failed."""
     if not claim or rendition.design is None:
         return ""
     if claim == "grid":

@@ -1,4 +1,4 @@
-"""Comparisons of the paper: truss limit, anisotropy, von Mises stress, earlier work, and editing speed."""
+"""Comparisons that the paper shows: Michell's truss, anisotropy, von Mises stress, earlier work, and editing speed."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -26,7 +26,7 @@ from dsfab.study.baselines.structures import mode_like_field
 
 
 def earlier_work_comparison(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Compare stripes by diffusion with equally many stripes of an integrated field, and with traced lines."""
+    """Compare stripes by diffusion with as many stripes of an integrated field, and with traced lines."""
     name = design.preset.name
     integrated, lines = integrated_design(design), traced_lines(design)
     rows = []
@@ -106,13 +106,13 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
     "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
 }
-"""Changes of the pattern on the same modes."""
+"""Settings of three pictures on the same modes."""
 
-PAPER = 37  # Frames a second of the paper's editor, on a laptop of 2015.
+PAPER = 37  # Frames a second that the paper reports for its editor, on a laptop of 2015.
 
 
 def editing_comparison(design: Design, folder: Path) -> PaperComparison:
-    """Draw one pattern with other numbers; measure frames a second during changes, as the paper does for Bob."""
+    """Draw one pattern with other settings, and measure frames a second during changes, as the paper does for Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -141,7 +141,8 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return changes drawn per second, by the median of all times except the first two, which prepare buffers."""
+    """Return how many changes are drawn in a second, by the median time after two first frames, which prepare
+    buffers."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()
@@ -150,11 +151,11 @@ def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
     return 1 / median(taken[2:])
 
 
-RATIOS = (1.0, 10.0, 100.0)  # Compared values of the anisotropy.
+RATIOS = (1.0, 10.0, 100.0)  # Values of the anisotropy r in the comparison.
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """Return the comparisons that the paper shows for this figure; existing pictures are used again."""
+    """Return the comparisons that the paper shows for this figure. shown : existing pictures by file name."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell_comparison(design, shown), _anisotropy_comparison(design, folder)]

@@ -1,4 +1,4 @@
-"""One picture of a figure of the paper, in its file: content, size, and view."""
+"""Pictures of the paper's figures in files: size, view and marks."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,9 +10,10 @@ from dsfab.render.light import LightQuality
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
-SMALL, LARGE = (560, 420), (1120, 840)  # Sizes (pixels) of the pictures of steps and structure.
-
-LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Lower than for a single picture, higher than for a sweep.
+SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
+LIGHT = LightQuality(
+    8, 24, 5, 896, 512, (0.006, 0.035)
+)  # This quality lies between those of a sweep and of a single picture.
 
 VIEWS = {
     "pavilion": "25,35",
@@ -24,19 +25,18 @@ VIEWS = {
     "mouse": "40,40",
     "boys_surface": "30,25",
 }
-"""Views of figures whose default view (see `dsfab.render.view`) hides their subject."""
+"""Views of figures whose default view hides their subject; see `dsfab.render.view`."""
 
-MARKS = ("loads", "supports", "person", "gradients")  # Marks beside a surface; only modes have gradients.
-SCALE = {"pavilion": "tree"}  # Marks in place of a person, as in the paper.
+MARKS = ("loads", "supports", "person", "gradients")  # Pictures may show these marks; only modes have gradients.
+SCALE = {"pavilion": "tree"}  # Marks that show the size in place of a person, as in the paper.
 
 
 @dataclass(frozen=True, eq=False)
 class PaperPicture:
-    """A picture in its file, or the reason for its absence.
+    """A picture in a file, or the reason why it is missing.
 
-    file  : its name in the page's folder; '' without a picture.
-    title : its subject.     words: its caption, or the reason.     bar: legend of its colours.
-    """
+    file  : name in the folder of the page; '' without a picture.
+    title : subject of the picture.     words : caption, or the reason.     bar : legend of colours."""
 
     file: str
     title: str
@@ -47,7 +47,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """Pictures side by side, in rows, as in the paper."""
+    """A comparison of the paper: rows of pictures, side by side."""
 
     title: str
     words: str
@@ -55,7 +55,7 @@ class PaperComparison:
 
 
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
-    """Draw a design into a file named by `stem` and `show`."""
+    """Draw a design into a file, whose name is made of `stem` and `show`."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"
@@ -70,14 +70,14 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
 
 
 def previewer_of(design: Design, show: str = "structure") -> Previewer:
-    """Return a previewer of a figure from its view, with its marks; the caller closes it."""
+    """Return a previewer with the view and the marks of a figure; the caller must close it."""
     name = design.preset.name
     marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
     return Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks)
 
 
 def save_picture(pixels: Bytes, path: Path) -> None:
-    """Write WebP, at a quality without visible seams."""
+    """Write a picture as WebP, in the lowest quality without visible seams."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)

@@ -1,4 +1,4 @@
-"""Earlier methods: one field integrated over chosen directions, and lines traced along principal stresses."""
+"""Earlier methods: stripes of one field that follows chosen directions, and lines traced along principal stresses."""
 
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -18,7 +18,7 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """A family on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and its frequency."""
+    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and their frequency."""
 
     D: Floats
     number: int
@@ -27,7 +27,7 @@ class DrawnFamily(NamedTuple):
 
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
-    """Return both families of a design on numbered modes."""
+    """Return both families of a design whose preset chooses modes by number."""
     diffusion, pattern = design.diffusion, design.preset.pattern
     major, minor = (
         DrawnFamily(D, number := int(family.mode), modes.mode(number), family.frequency)
@@ -40,7 +40,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """Return a design on numbered modes with both modes replaced by integrated fields of equal stripe density."""
+    """Return a design that has integrated fields in place of its modes; the stripes stay equally dense."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, weakest_directions(family.D), ~tensors.isotropic)
@@ -51,37 +51,33 @@ def integrated_design(design: Design) -> Design:
 
 
 def strongest_directions(D: Floats) -> Floats:
-    """Return unit directions (m, 3) of the largest diffusion of tensors D (m, 3, 3); stripes follow these
-    directions.
-    """
+    """Return unit directions (m, 3) of the largest diffusion, for tensors D (m, 3, 3); stripes follow them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def weakest_directions(D: Floats) -> Floats:
-    """Return unit directions (m, 3) of the least diffusion in the faces' planes, for tensors D (m, 3, 3). They belong
-    to the middle of the eigenvalues 0, 1 and r; stripes lie across them.
-    """
+    """Return unit directions (m, 3) of the least diffusion in the plane of each face, for tensors D (m, 3, 3).
+    Their eigenvalue is the middle one of 0, 1 and r; stripes run across these directions."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """Return the field u (n,) in metres whose gradient is nearest to the directions, in the mean square over clear
-    faces.
+    """Return the field u (n,) in metres whose gradient best fits given directions, in the mean square over clear faces.
 
-    direction : (m, 3) unit vectors up to sign.    clear : (m,) faces with a direction; on other faces the field is as
-    flat as possible.
-    """
+    direction : (m, 3) unit vectors, whose sign does not count.
+    clear     : (m,) faces that have a direction; on the other faces the field is as flat as possible."""
     target = consistent_directions(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), target) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    # a weak spring, because a constant on each piece of the surface is free
+    # a weak spring holds each piece of the surface, because the equations leave a constant free
     K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
 
 def consistent_directions(surface: Surface, direction: Floats) -> Floats:
-    """Return (m, 3) directions whose signs agree between faces along the tree of faces with the least turns."""
+    """Return directions (m, 3) whose signs agree between neighbours, along a spanning tree of faces with the least
+    turns."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -97,22 +93,20 @@ def consistent_directions(surface: Surface, direction: Floats) -> Floats:
 
 
 def typical_slope(surface: Surface, value: Floats) -> float:
-    """Return the median over the area of the gradient's length of (n,) values, per metre."""
+    """Return the median length of the gradient of values (n,) over the area, per metre."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # A line ends at this distance from another line, over the distance of lines.
-
+NEAR = 0.5  # A line ends this close to another line; 1 is the wanted distance between lines.
 End = Literal["boundary", "inside", "round"]
 
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """Line along stress. points : (k, 3) metres, in order; a closed line repeats the first point at its end.
-    faces  : (k - 1,) face of each segment.
-    loose  : number of ends inside the surface.
-    """
+    """A line along the stress. points : (k, 3) metres, in order; a closed line repeats its first point at the end.
+    faces : (k - 1,) face of each segment.
+    loose : number of ends inside the surface."""
 
     points: Floats
     faces: tuple[int, ...]
@@ -125,7 +119,7 @@ class StressLine:
 
 
 def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """Return the traced lines of both families of a design on numbered modes; their distance is the stripes' median."""
+    """Return the traced lines of both families, as far apart as the stripes of the design."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(
@@ -137,9 +131,8 @@ def traced_lines(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Return lines along unit directions (m, 3) without sign, in clear faces (m,). Lines are about `apart` metres
-    apart, and at least that long.
-    """
+    """Return lines along unit directions (m, 3), whose sign does not count, in clear faces (m,).
+    Lines are about `apart` metres apart, and longer than `apart`."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -180,7 +173,7 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            # a closed line returns after at least three distances
+            # a line counts as closed only if it is longer than three distances between lines
             passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._return_index(points[:passed], p)) is not None:
                 came = back * 2 < passed
@@ -191,7 +184,7 @@ class _Walk:
             if not self.clear[face := entered // 3] or self._is_near(p):
                 break
             turned = self.direction[face] * np.sign(self.direction[face] @ t)
-            if turned @ t < 0.5:  # directions that turn by over 60 degrees are not reliable
+            if turned @ t < 0.5:  # a turn by over 60 degrees is not reliable
                 break
             t = turned
         return points, faces, "inside"
@@ -220,7 +213,7 @@ class _Walk:
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
-    """Return lines as flat bands above the surface: (n, 3) vertices, metres, and (m, 3) faces."""
+    """Return lines as flat bands above the surface: vertices (n, 3), metres, and faces (m, 3)."""
     V, F, count = [], [], 0
     for line in lines:
         normal = surface.normals[[*line.faces, line.faces[-1]]]

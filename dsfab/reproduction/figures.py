@@ -1,4 +1,4 @@
-"""The reproduced figures of the paper: measures and sentences about each, and its pictures."""
+"""The paper's figures, made again: their measures, sentences and pictures."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,20 +18,18 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""Pictures of every figure beside its structure, in the order of the method."""
+"""Pictures of a figure besides its structure, in the order of the method."""
 
-
-RUNS = 3  # Number of runs whose median gives the seconds.
+RUNS = 3  # Number of runs; the page reports their median seconds.
 
 RENDITION_TITLES = {"letter": "The paper to the letter", "preset": "The preset", "stripes": "dsfab's stripes"}
-"""Titles of the renditions."""
+"""Titles of the three renditions of a figure."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
     """A rendition of a figure, its picture, and the result for the paper's claim, or ''.
-    edge : edge length of its mesh, metres; 0 without a design.
-    """
+    edge : edge length of its mesh, metres; 0 if the rendition failed."""
 
     rendition: Rendition
     picture: PaperPicture
@@ -41,10 +39,9 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A reproduced figure; `error` is the reason for a failure, and all remaining fields are empty in that case.
-    seconds : see `processor_seconds`.      carried: sentence on how the loads reach the supports.
-    coarser : factor on the preset's edges.
-    """
+    """A figure, made again. After a failure `error` is the reason, and all other fields are empty.
+    seconds : see `processor_seconds`.      carried : sentence on how the loads reach the supports.
+    coarser : factor on the edge length of the preset's mesh."""
 
     figure: PaperFigure
     vertices: int = 0
@@ -60,14 +57,13 @@ class FigurePictures:
 
     @property
     def structure(self) -> PaperPicture | None:
-        """The picture of the structure, which comes first."""
+        """Picture of the structure, or None after a failure."""
         return self.shown[0] if self.shown else None
 
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
-    """Make a figure and write its pictures into `folder`; failed parts contain their errors.
-    coarser : factor on the preset's edges; it falls until the mesh has all details. Larger factors are quicker.
-    """
+    """Make a figure and write its pictures into `folder`; an error becomes part of the result.
+    coarser : factor on the edge length; the factor falls until the mesh has all details of the shape."""
     try:
         design, coarser = coarsened_draft(load_preset(figure.preset), coarser)
         results = renditions(design)
@@ -88,9 +84,8 @@ def _without_design(picture: RenditionPicture) -> RenditionPicture:
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """Return processor seconds by row of the paper's Table 2, all cores together: the median of `RUNS` runs. A run
-    leads from the surface to the modes. Programs that run at the same time hardly change these seconds.
-    """
+    """Return processor seconds by columns of the paper's Table 2, from surface to modes: the median of `RUNS` runs.
+    Other programs hardly change processor seconds."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
@@ -100,9 +95,8 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """Return a preset up to its pattern, with edges `coarser` times as long, and the factor. The factor falls by fifths
-    until shape and loads have their vertices. Raises DsfabError if the preset's own mesh fails too.
-    """
+    """Return a design up to its pattern, with edges `coarser` times as long, and the factor.
+    The factor falls by fifths until shape and loads have their vertices. Raises DsfabError if factor 1 fails, too."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

@@ -1,4 +1,4 @@
-"""The page of `dsfab reproduce`: every figure with its renditions, measures and seconds, and the claim."""
+"""The page of `dsfab reproduce`: all figures with their renditions, measures and seconds, and a test of the claim."""
 
 import base64
 import io
@@ -20,15 +20,14 @@ from dsfab.reproduction.published import Parameters, Timings
 from dsfab.reproduction.renditions import Rendition
 from dsfab.reproduction.volumes import RIVALS
 
-Row = Mapping[str, Any]  # A row of sphere_volumes.json.
-
+Row = Mapping[str, Any]  # Row of sphere_volumes.json.
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Names of the structures whose stiffness is compared with `OURS`."""
+"""Structures on modes and stripes (`OURS`), and the structures with which the page compares their stiffness."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return the section of the page about the sphere; '' without rows."""
+    """Return the section about compliance over mass of the sphere; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -53,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return the ratio of stiffness of two rows, and its bounds; None if either does not carry its loads."""
+    """Return how stiff one row is over another, with lower and upper bound; None if either does not carry its loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]
@@ -62,7 +61,7 @@ def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, floa
 
 
 def _cell(row: Row | None) -> str:
-    """Return a compliance with its bound, in italics unless its verdict is pass; its title is the reason."""
+    """Return a table cell with a compliance and its bound, in italics unless the verdict is pass."""
     if not row or not row["compliance_J"]:
         reason = (row or {}).get("error") or "not judged"
         return f'<td title="{escape(reason, quote=True)}">not carried</td>'
@@ -110,11 +109,11 @@ COLUMNS = (
     ("off the stress", "degrees between members and principal directions, of the family that is further off"),
     ("P95 / P5 spacing", "1 where members are evenly spaced, of the family that is less even"),
 )
-"""Measures and their meaning."""
+"""Columns of the table of measures, with their meaning."""
 
 
 def rendition_section(pictures: FigurePictures, coarser: float) -> str:
-    """Return the pictures of the renditions, a table of measures, departures, and the command."""
+    """Return the renditions of a figure: pictures, measures, departures from the paper, and commands."""
     if not pictures.ways:
         return ""
     name = pictures.figure.preset
@@ -134,12 +133,12 @@ def rendition_section(pictures: FigurePictures, coarser: float) -> str:
 
 
 def command_html(name: str, coarser: float) -> str:
-    """Return the command that reproduces a figure of the page with all its measures."""
+    """Return the command that makes a figure of the page again."""
     return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
 def rendition_facts(rendition: Rendition) -> tuple[str, ...]:
-    """Return the cells of a rendition under `COLUMNS` as text."""
+    """Return the measures of a rendition as texts, in the order of `COLUMNS`."""
     if rendition.refused:
         return ("none", *("" for _ in COLUMNS[1:]))
     pieces = f"{rendition.pieces} ({rendition.loose} loose)" if rendition.loose else f"{rendition.pieces}"
@@ -196,8 +195,14 @@ def _bar(bar: ColourBar) -> str:
 
 
 PAGE_NAME = "index.html"
-
-TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")  # The columns of Table 2 in seconds.
+TIMED = (
+    "membrane",
+    "bending",
+    "statics",
+    "stress",
+    "diffusion",
+    "modes",
+)  # Columns of the paper's Table 2 that hold seconds.
 
 PARAMETERS = (
     ("&gamma;", "force magnitude"),
@@ -211,12 +216,12 @@ PARAMETERS = (
     ("&beta;<sub>U</sub>", "major phase"),
     ("&beta;<sub>W</sub>", "minor phase"),
 )
-"""Columns of Table 1, as the paper writes them and in words."""
+"""Columns of the paper's Table 1, by symbol and in words."""
 
 
 @dataclass(frozen=True)
 class PageFacts:
-    """Facts about the page: how much coarser its meshes are than the presets', the machine, and its load."""
+    """Facts about a page: factor on the presets' edge lengths, the machine, and its load."""
 
     coarser: float
     machine: str
@@ -224,7 +229,7 @@ class PageFacts:
 
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
-    """Return the whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json for the chart."""
+    """Return the whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json."""
     compared = [
         _comparison_section(comparison, command_html(figure.figure.preset, about.coarser))
         for figure in figures
@@ -236,7 +241,7 @@ def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[
 
 
 def pictures_of(folder: Path) -> set[str]:
-    """Return names of the pictures on the page in a folder, so that a new page can remove old pictures."""
+    """Return the names of the pictures on a folder's page, so that a new page can remove them."""
     try:
         return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -285,7 +290,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
     shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
-    # the facts follow the structure and three pictures, so that families begin a row
+    # the facts follow four pictures, so that the pictures of the families begin a row
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 
@@ -367,18 +372,16 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
-"""Style of this page: four pictures in a row, the structure as large as four."""
-
+"""CSS of the page: four pictures in a row; the structure takes the room of four."""
 
 SMALL_NAME = "small.html"
-
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
 PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
-    """Return a page that contains its pictures, at half their width and height, without links to larger ones.
-    text : the page whose pictures lie in one of the `folders`."""
+    """Return the page with its pictures inside, at half their width and height.
+    text : the page. folders : folders that may hold its pictures."""
     data_by_name: dict[str, str] = {}
 
     def inside(match: re.Match[str]) -> str:
@@ -399,5 +402,5 @@ def _data(path: Path) -> str:
     with Image.open(path) as picture:
         size = max(picture.width // 2, 1), max(picture.height // 2, 1)
         half = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    half.save(buffer, format="WEBP", quality=40, method=6)  # the page of all figures stays under 1.5 MB
+    half.save(buffer, format="WEBP", quality=40, method=6)  # all figures together stay below 1.5 MB
     return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

@@ -1,6 +1,5 @@
-"""Three renditions of a figure of the paper, with their measures: the paper to the letter, the preset, dsfab's stripes.
-All three have the same surface, supports and loads.
-"""
+"""Three renditions of a paper's figure, with measures: the paper to the letter, the preset, and dsfab's stripes.
+All three have the same surface, supports and loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,9 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""The paper's settings for keys in which presets may differ from it; modes, frequencies and phases are those of
-Table 1.
-"""
+"""Settings of the paper for keys that presets may set otherwise; modes, frequencies and phases are those of Table 1."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -36,30 +33,29 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""Keys in which a preset may differ from the paper: the paper's value, and a text for any other value."""
+"""Keys that presets may set otherwise than the paper: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)
-"""Range of the share of material of stripes. A preset on modes may leave less, or almost no openings; above half,
-stripes no longer form a lattice."""
+"""Least and largest share of material for the rendition with stripes; above a half they form no lattice."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A rendition of a figure and its measures; after a failure `refused` is the reason, and the measures are nan.
+    """A rendition of a figure with its measures. After a failure `refused` is the reason, and the measures are nan.
 
-    name : letter, preset or stripes.           departures : differences from the paper, in words.
-    settings     : changes to the preset, by key: `dsfab build` reproduces the rendition with them.
-    share        : kept share of the surface, loose pieces included.     pieces : number of pieces.
+    name         : letter, preset or stripes.           departures : differences from the paper, in words.
+    settings     : changes of the preset by key; `dsfab build` makes the rendition with these changes.
+    share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance over that of the uncut sheet, by one solve each with the elements that rank (the cut sheet
-                   up to 15 % off); infinite if the loads are not carried.
+    over_uncut   : compliance over that of the uncut sheet, each by one solve (up to 15 % off for cut sheets); infinite
+                   if
+                   the design does not carry its loads.
     over_thinner : compliance over that of a thinner sheet of the same mass.
-    deviation    : degrees off the principal directions, of the worse family.
-    evenness     : P95 over P5 of the spacing, of the worse family.
-    crossing     : degrees, the smallest angle between crossing members.
-    uncarried    : reason why the loads are not carried, if `over_uncut` is infinite.
-    """
+    deviation    : degrees between members and principal directions, of the worse family.
+    evenness     : ratio P95 / P5 of the spacing, of the worse family.
+    crossing     : smallest angle between crossing members, degrees.
+    uncarried    : reason why the design does not carry its loads, if `over_uncut` is infinite."""
 
     name: str
     settings: Mapping[str, Any]
@@ -79,21 +75,18 @@ class Rendition:
 
     @property
     def command(self) -> str:
-        """Options that make this structure from the shipped preset."""
+        """Options of `dsfab build` that make this rendition from the preset."""
         return "".join(f" --set {quote(f'{key}={_toml_value(value)}')}" for key, value in self.settings.items())
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """Return the paper to the letter, the preset unchanged, and evenly spaced stripes. Stripes have as much material as
-    the preset, within `SHARES`.
-
-    design : a design of a preset of the paper, made up to its pattern.
-    """
+    """Return the paper to the letter, the unchanged preset, and evenly spaced stripes of equal material (`SHARES`).
+    design : design of a preset of the paper, made up to its pattern."""
     uncut: dict[str, float] = {}
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # frequency 0 spaces stripes by a twelfth of the surface's side, because presets on modes have no spacing
+    # presets on modes have no spacing: frequency 0 spaces stripes by a twelfth of the surface's side
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -104,7 +97,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
 
 
 def departures(preset: Preset) -> tuple[str, ...]:
-    """Return texts about the settings in which a preset is not the paper to the letter."""
+    """Return a text for each setting in which a preset departs from the paper."""
     texts = []
     for key, (paper, words) in DEPARTURES.items():
         section, name = key.split(".")
@@ -118,15 +111,12 @@ def departures(preset: Preset) -> tuple[str, ...]:
 def measured_rendition(
     name: str, base_design: Design, settings: Mapping[str, Any], uncut_compliance: dict[str, float] | None = None
 ) -> Rendition:
-    """Return a measured rendition; it shares the stages of `base_design` before the first changed section.
-
-    uncut_compliance : compliance of the uncut sheet by law, which this function fills for renditions of the same
-                       surface.
-    """
+    """Return a rendition with its measures; unchanged stages of `base_design` are used again.
+    uncut_compliance : compliance of the uncut sheet by material law; this function fills it for further renditions."""
     try:
         preset = with_overrides(base_design.preset, dict(settings)) if settings else base_design.preset
         design = draft(preset, earlier=base_design)
-        # loose pieces are a result here: count them before they are dropped
+        # the second design keeps its loose pieces, so that they can be counted
         with_loose = draft(with_overrides(preset, {"slicing.loose": "keep"}), earlier=design)
         listed, quality = with_loose.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
@@ -153,7 +143,7 @@ def measured_rendition(
 
 def _carried_share(design: Design) -> float:
     """Return the share of the loads on pieces with a support; nan without loads.
-    design : with its loose pieces. A load without material of its own stands on the nearest material."""
+    design : design with its loose pieces. A load without material acts on the nearest material."""
     if not any(load.force.any() for load in design.statics.loads(design.preset.followed_weights).values()):
         return np.nan
     try:
@@ -169,9 +159,8 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the cut sheet's compliance over the uncut sheet's and over a thinner sheet's, and the reason of a failure.
-    nan without loads; infinite if the loads are not carried.
-    """
+    """Return the compliance over an uncut sheet's and over a thinner sheet's, and the reason of a failure.
+    The values are nan without loads, and infinite if the design does not carry its loads."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)
     if not any(load.force.any() for load in uncut_loads.values()):

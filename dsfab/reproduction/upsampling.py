@@ -1,4 +1,4 @@
-"""The paper's cut by upsampling beside the exact cut: error against number of triangles."""
+"""The paper's cut by upsampling in comparison with the exact cut: errors and numbers of triangles."""
 
 import io
 from collections.abc import Sequence
@@ -22,18 +22,17 @@ if TYPE_CHECKING:
 
 
 class StripedField(NamedTuple):
-    """A family's stripes, and the values x (n,) of its mode."""
+    """Stripes of a family, and the values x (n,) of their mode."""
 
     stripes: Stripes
     x: Floats
 
 
 class UpsampledCut(NamedTuple):
-    """A cut after `rounds` of division; 0 is the cut of the unchanged mesh.
-    triangles : number in the cut sheet, material and void.
-    crowded   : triangles of the divided mesh with more than one line.
-    wrong     : share of the surface that is material in only one of this cut and the exact cut.
-    """
+    """A cut by upsampling after so many `rounds` of division; 0 rounds leave the mesh unchanged.
+    triangles : number of triangles in the cut sheet, material and void.
+    crowded   : number of triangles of the divided mesh with more than one line.
+    wrong     : share of the surface that is material in only one of this cut and the exact cut."""
 
     rounds: int
     triangles: int
@@ -42,14 +41,14 @@ class UpsampledCut(NamedTuple):
 
 
 class CutComparison(NamedTuple):
-    """The paper's cut, round by round, and the number of triangles of the exact cut of the same stripes."""
+    """The cuts by upsampling, one for each round, and the number of triangles of the exact cut."""
 
     upsampled: tuple[UpsampledCut, ...]
     exact: int
 
 
 def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
-    """Return both cuts of a design's stripes on modes, in plain widths."""
+    """Cut the stripes of a design on modes by both methods, in plain widths."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(family.frequency, float(options.phase), options.threshold), family.mode)
@@ -59,9 +58,8 @@ def compare_design_cuts(design: Design, rounds: int = 6) -> CutComparison:
 
 
 def compare_cuts(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
-    """Return both cuts of any stripes on any surface. Division ends before `rounds` if no triangle is crowded,
-    or if the mesh has over 200 000 triangles. Where families cross, triangles stay crowded.
-    """
+    """Cut any stripes on any surface by both methods. Division ends after `rounds`, or if no triangle is crowded,
+    or if the mesh has over 200 000 triangles. Where families cross, triangles stay crowded."""
     exact = _cut(surface, [family.x for family in families], [family.stripes.levels(family.x) for family in families])
     cuts: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -80,7 +78,7 @@ def _cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[Floats]) -
 
 
 def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
-    """Return (m,) the number of stripe edges through each triangle."""
+    """Return the number (m,) of stripe edges through each triangle."""
     count = np.zeros(surface.m, dtype=np.int64)
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
@@ -90,7 +88,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Split crowded triangles into four, and their neighbours into two or three, so that the mesh stays conforming."""
+    """Split crowded triangles into four, and their neighbours into two or three, so that all edges still match."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -100,7 +98,7 @@ def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) 
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area, by `side` samples a side, where stripes (n,) contradict the interpolated mode."""
+    """Return the share of area where interpolated stripe values (n,) and the mode disagree, by samples of each face."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
@@ -113,9 +111,7 @@ def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequ
 
 
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """Compare cuts of the same stripes in plain widths: the paper's cut after more and more rounds, and the exact
-    cut.
-    """
+    """Compare the paper's cut, after more and more rounds, with the exact cut of the same stripes."""
     title = "Adaptive upsampling beside the exact cut"
     try:
         comparison = compare_design_cuts(design)
@@ -150,7 +146,7 @@ def _write_chart(comparison: CutComparison, path: Path) -> None:
     from PIL import Image
 
     wide, tall = drawing.LARGE
-    inches = 8.6  # width of the chart, so that its text is as large as that of the page
+    inches = 8.6  # at this width the chart's text is as large as the page's
     figure = Figure((inches, inches * tall / wide), dpi=wide / inches, layout="constrained")
     _draw_chart(figure.subplots(), comparison)
     buffer = io.BytesIO()

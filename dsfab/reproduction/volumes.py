@@ -1,4 +1,4 @@
-"""Test of the paper's claim on a sphere: compliance over mass of diffusion structures and of isotropic stripes."""
+"""Test of the paper's claim on a sphere: compliance over mass of diffusion structures and their competitors."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -11,18 +11,17 @@ from dsfab.report.compliance.figures import write_chart
 if TYPE_CHECKING:
     from dsfab.study.judges import Judge
 
-NAME = "sphere_volumes"  # Name of the files: .json, .svg and .png.
-
+NAME = "sphere_volumes"  # Name of three files: .json, .svg and .png.
 PRESET = "sphere_graded"
-EDGE = 0.08  # Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory.
-MEMORY = 9e9  # Bytes that a verdict may take.
+EDGE = 0.08  # Edge length of the mesh, metres; a finer mesh would exceed the memory.
+MEMORY = 9e9  # Bytes of memory that a verdict may use.
 ON_MODES = {
     "pattern.method": "modes",
     "pattern.width": {"rule": "graded", "q": 1.0, "solid_fraction": 0.5},
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""The claim is about stripes on modes. A search ("auto") chose these phases."""
+"""Settings of the graded design on modes; a search (`phase = "auto"`) chose the phases."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -30,9 +29,10 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Table 1's row of the sphere: no kept regions, plain widths, phase 0; labels go by sign, unlike in the paper."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # The same row to the letter of the paper.
-SHARES = (0.3, 0.5, 0.7)  # Kept shares of the surface; each takes a few minutes.
+"""The sphere's row of Table 1: no kept regions, plain widths, phase 0; signs label the families, unlike in the
+paper."""
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # This row to the letter of the paper.
+SHARES = (0.3, 0.5, 0.7)  # Shares of the surface; each takes a few minutes.
 
 RIVALS = {
     "letter": "Table 1's row to the letter, labelled by magnitude",
@@ -44,15 +44,13 @@ RIVALS = {
     "thinner": "whole sheet, uniformly thinner",
     "full": "whole sheet, uncut (heavier)",
 }
-"""Structures of the sphere's chart, with their names."""
+"""Names of all structures in the sphere's chart."""
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write the data and the chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`. All
-    structures are judged on finer and finer meshes; one solve of each isotropic pair selects the best pair.
-
-    coarser : factor on `EDGE`.
-    """
+    """Write the data and the chart of the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
+    All structures are judged on finer and finer meshes; the best pair of isotropic modes is found by one solve each.
+    coarser : factor on `EDGE`."""
     from dsfab.study import compare_at, full_at_many_shares
 
     graded = sphere_draft(ON_MODES, coarser)
@@ -69,7 +67,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """Return the sphere with these changes, up to its pattern; its corners are sharp, because fillets make needles."""
+    """Return the sphere with these changes, up to its pattern, without fillets, which would make thin triangles."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, with_overrides
 
@@ -78,7 +76,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """Return by name: the graded design with plain widths, Table 1's row in two ways, and evenly spaced stripes."""
+    """Return four designs by name: `plain`, `row`, `letter` and `stripes`; see `RIVALS`."""
     plain_widths = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     settings: dict[str, Mapping[str, Any]] = {"plain": plain_widths, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(changes, coarser) for name, changes in settings.items()}
@@ -87,8 +85,8 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Return the row of `compare_at` for each rival with this share of the surface.
-    design : compliance (J) of the reference design; None if it does not carry its loads."""
+    """Return the row of `compare_at` for each rival, at this share of the surface.
+    design : compliance of the reference design, J; None if it does not carry its loads."""
     from dsfab.study import compare_at
 
     rows = []

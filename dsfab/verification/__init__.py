@@ -1,7 +1,6 @@
-"""Verification of the elements: structures with known answers, several element pairs, three refinements each.
+"""Verification of the elements by structures with known answers, on three meshes or more for each pair of elements.
 
-Each family of tests has a file; a test is a mesh, a load, and a value with its reference (`Test`).
-"""
+Each family of tests has a file. A test (`Test`) has a mesh, a load, and a value with its reference."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -38,16 +37,16 @@ __all__ = [
 ]
 
 FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
-
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
-
-PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)  # Default pairs: two for comparison.
+PAIRS = (
+    elements_of("directions"),
+    elements_of("spread"),
+    *REPORTED,
+)  # Default pairs of elements; the first two are only for comparison.
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Return tests by name or by the beginning of names; an empty list returns all. Raises StaticsError for an
-    unknown name.
-    """
+    """Return the tests whose names begin so; all tests for an empty list. Raises StaticsError for an unknown name."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}
@@ -62,7 +61,7 @@ def choose(names: Sequence[str]) -> list[Test]:
 def verify(
     tests: Sequence[Test], pairs: Sequence[Elements] = PAIRS, progress: Callable[[str, str], None] | None = None
 ) -> Iterator[VerificationRow]:
-    """Yield the rows of all tests, patterns and pairs, and of other programs, series by series."""
+    """Yield the results of all tests, mesh patterns and pairs of elements, and of other programs."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

@@ -1,4 +1,4 @@
-"""Cantilever strips: straight on regular and distorted meshes, curved, twisted, and a curved strip that bends."""
+"""Cantilever strips: straight on regular and distorted meshes, curved, twisted, bent in an arc, and Raasch's hook."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -12,25 +12,22 @@ from dsfab.verification.problems import Mesh, Problem, Test, square, tip_loaded
 
 Shape = Literal["rectangles", "trapezoids", "parallelograms"]
 Vector = tuple[float, float, float]
-
 IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
-
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
-"""Mesh patterns. The pattern `jittered` is missing, because a single cell across has no inner vertices to move."""
+"""Mesh patterns of strips. `jittered` is missing, because a strip of one cell has no inner vertices to move."""
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """Return a beam 6 x 0.2 x 0.1 in six blocks of `cells` by `cells`; distorted blocks have 45 degree sides."""
+    """Return a beam 6 x 0.2 x 0.1 in six blocks of `cells` by `cells`; distorted blocks have sides at 45 degrees."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright. Trapezoids:
-    inner lines lean alternately to both sides.  Parallelograms: all lines lean to the same side.
-    """
+    """Return the sideways offset of mesh lines at stations (k,) from 0 to 6; it makes trapezoids or parallelograms.
+    Lines of trapezoids lean to alternate sides, lines of parallelograms to one side; both end lines stay upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
         lines[1::2] = -1.0
@@ -59,10 +56,9 @@ BENT_WIDTH = 0.2
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
-    """Return a strip 0.2 wide, bent into a quarter circle of radius 1; its free end is pushed back.
-    slenderness : radius over thickness, R / h. The strip bends without stretching, which membranes that lock cannot do.
-    Without Poisson effect, beam theory is exact.
-    """
+    """Return a strip 0.2 wide, bent into a quarter circle of radius 1; a force pushes its free end back.
+    slenderness : radius over thickness, R / h. The strip bends without stretching; membranes that lock cannot do so.
+    Without Poisson effect, beam theory is exact."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     V = np.stack([np.sin(turn), BENT_WIDTH * uv[:, 1], np.cos(turn)], axis=1)
@@ -70,14 +66,13 @@ def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
 
 
 def bent_strip_tip(slenderness: float) -> float:
-    """Return pi / 4 P R^3 / (E I): the movement of the tip along its radius, without stretching of the axis."""
+    """Return pi / 4 P R^3 / (E I), the movement of the tip along the radius of a strip whose axis does not stretch."""
     return float(np.pi / 4 / (BENT.young * BENT_WIDTH / slenderness**3 / 12))
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """Return a strip 20 x 2 with two bends, of 60 degrees at radius 14 and back by 150 degrees at radius 46. A load
-    pushes its end along its width.
-    """
+    """Return a strip 20 x 2 with a bend of 60 degrees at radius 14 and a reverse bend of 150 degrees at radius 46.
+    A load pushes its end along its width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first_arc = np.minimum(turn, np.pi / 3)
@@ -89,16 +84,13 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 HOOK = 5.022
 """Movement of the hook's end by solids: 5.02 by refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997],
-5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl.
-"""
+5.02201 by extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
-"""Loss of a strip's torsional stiffness b t^3 / 3 at its edges, (1 - .63 t / b) by de Saint Venant, for width b and
-thickness t. The loss comes from shear across the thickness, which theories of thin sheets do not have.
-"""
+"""Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
+[de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
 
-IN_TORSION = 0.9899  # Share of torsion in the work of the hook as a curved beam; bending and shear do the rest.
-
+IN_TORSION = 0.9899  # Torsion does this share of the work in the hook as a curved beam; bending and shear do the rest.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "
@@ -107,9 +99,8 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return the movement of a quarter ring loaded across its plane: P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))
-    [Timoshenko 1955].
-    """
+    """Return P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J)), the movement of a quarter ring loaded across its plane
+    [Timoshenko 1955]."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3
@@ -118,8 +109,7 @@ def _curved_strip() -> float:
 
 def _curved_plane() -> float:
     """Return the movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
-    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
-    """
+    pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]"""
     a, b, young, thickness = 4.12, 4.32, 1e7, 0.1
     squares = a**2 + b**2
     return float(np.pi * squares / (young * thickness * (a**2 - b**2 + squares * np.log(b / a))))

@@ -1,4 +1,4 @@
-"""A sheet cut into ribs, compared with a solid, because closed forms and tables do not exist for ribs."""
+"""A vault cut into ribs, in comparison with a solid, because no closed form or table exists for ribs."""
 
 import numpy as np
 
@@ -11,16 +11,13 @@ from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_dire
 
 CONCRETE = Material(33e9, 0.2, 2500.0)
 THICKNESS = 0.05
-RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Metres, and the angle of the vault.
-
+RADIUS, LENGTH, OPENING = 4.0, 4.0, np.pi / 2  # Radius and length in metres, and angle of the vault.
 GRAVITY = np.array([0.0, 0.0, -9.81])
-COARSE = 12  # Cells around the vault before the cut; finer meshes halve the edges of the cut mesh.
+COARSE = 12  # Cells around the vault before the cut; finer meshes divide the cut mesh.
 
 
 def vault(cells: int) -> Surface:
-    """Return a barrel vault of six by four openings, cut by stripes around it and along it; each covers half of the
-    area.
-    """
+    """Return a barrel vault with six by four openings; stripes around and along it each cover half of the area."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -33,14 +30,14 @@ def vault(cells: int) -> Surface:
 
 
 def on_cylinder(points: Floats) -> tuple[Floats, Floats]:
-    """Return the points (k, 3) moved onto the cylinder, metres, and its normals there."""
+    """Move points (k, 3) onto the cylinder, metres; return points and normals of the cylinder, (k, 3) each."""
     out = points * (1, 0, 1)
     normal = out / np.linalg.norm(out, axis=1, keepdims=True)
     return points * (0, 1, 0) + RADIUS * normal, normal
 
 
 def halved_on_cylinder(surface: Surface) -> Surface:
-    """Split every triangle into four, with new vertices on the cylinder."""
+    """Split every triangle into four; new vertices lie on the cylinder."""
     F, edges = surface.F, surface.edges
     mid = surface.n + edges.of
     added = on_cylinder(surface.V[edges.ends].mean(axis=1))[0]
@@ -49,12 +46,12 @@ def halved_on_cylinder(surface: Surface) -> Surface:
 
 
 def feet(surface: Surface) -> Bools:
-    """Return (n,) vertices on the two springing lines."""
+    """Return the vertices (n,) on both springing lines of the vault."""
     return is_at(np.abs(np.arctan2(surface.V[:, 0], surface.V[:, 2])), OPENING / 2)
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springings, under its own weight; the value is in joules."""
+    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; value in joules."""
     surface = vault(cells)
     where = feet(surface)
     return Problem(
@@ -70,7 +67,7 @@ def cut_vault(cells: int, mesh: Mesh) -> Problem:
 
 
 def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:
-    """Return the vault as a solid: its nodes times three, and its compliance, J; None if CalculiX is not installed."""
+    """Return the unknowns and the compliance (J) of the vault as a solid; None if CalculiX is not installed."""
     surface = vault(cells)
     solid = wedges(surface, THICKNESS, on_cylinder)
     compliance = solid_compliance(solid, CONCRETE, end_face_nodes(solid, surface, feet(surface)), GRAVITY)

@@ -1,4 +1,4 @@
-"""The verification page: every benchmark with its drawing, its convergence plot and its numbers."""
+"""The verification page: every test with a drawing, a plot of convergence, and its numbers."""
 
 import io
 import platform
@@ -26,16 +26,15 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
-"""Colours of the pairs in their order, readable on white and on black."""
+"""Colours of the pairs of elements, readable on white and on black."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
-
-INK, FAINT = "#010203", "#040506"  # Colours that the page replaces by `currentColor` and its `--faint`.
+INK, FAINT = "#010203", "#040506"  # The page replaces these colours by its own colours for text and faint lines.
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot the error in percent over unknowns: a line for each pair and pattern, marks for published values."""
+    """Plot the error in percent over unknowns: a line for each pair and mesh pattern, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -75,7 +74,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 
 
 def drawing(problem: Problem, title: str) -> str:
-    """Draw the mesh from above or isometrically, with its supports (dots) and a few of its loads (arrows)."""
+    """Draw the mesh with its supports (dots) and at most eight of its loads (arrows), from above or isometrically."""
     V = problem.surface.V
     view = np.eye(2, 3) if problem.plane_axis == 2 else _isometric()
     shown = V @ view.T
@@ -100,10 +99,10 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     force = problem.load.force
     shown, seen = problem.surface.V @ view.T, force @ view.T
     size = np.linalg.norm(force, axis=1)
-    if not size.any():  # free vibrations have no load
+    if not size.any():  # a free vibration has no load
         return
     loaded = np.flatnonzero(size > 0.2 * size.max())
-    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows
+    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows are drawn
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()
     for vertex in loaded:
         tip, tail = shown[vertex], shown[vertex] - reach * seen[vertex]
@@ -113,7 +112,7 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
 
 
 def _isometric() -> Floats:
-    """Return a (2, 3) projection: x to the lower right, y to the upper right, z upwards."""
+    """Return a projection (2, 3): x points to the lower right, y to the upper right, z upwards."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     return np.array([[c, c, 0.0], [-s, s, 1.0]])
 
@@ -151,16 +150,22 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = text.getvalue()
     svg = svg[svg.index("<svg") :]
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
-    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # no text refers to the numbers of matplotlib's groups
+    svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # nothing refers to the ids of groups
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
-    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # shorten coordinates, but not axis labels
+    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # coordinates need two decimals; axis labels stay
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")  # The worst verdict stands for all patterns.
-
-PAIR = str(elements_of("displacement"))  # Targets and published values are compared with this pair.
+WORST_FIRST = (
+    "off",
+    "refused",
+    "theory",
+    "coarse",
+    "not run",
+    "ok",
+)  # The summary shows the worst verdict of a test; this is the order.
+PAIR = str(elements_of("displacement"))  # This pair of elements has targets and is compared with published values.
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }
@@ -180,7 +185,7 @@ svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inhe
 
 
 def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
-    """Write `index.html` about these rows into `folder` and return its path. Raises ExportError."""
+    """Write `index.html` with these results into `folder`, and return its path. Raises ExportError."""
     text = page(tests, rows)
     with atomic_folder(folder) as partial:
         (partial / "index.html").write_text(text, encoding="utf-8")
@@ -188,7 +193,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationR
 
 
 def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
-    """Return the whole page. Equal rows give equal text, because it contains no time."""
+    """Return the whole page. Equal rows give equal text, because the page contains no time."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
     parts = [_head(tests, rows), _uses(), _summary(tests, rows), _published_counts(against)]
@@ -302,7 +307,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     test_standings = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
-    if len(problem.surface.edges.ends) > 3000:  # a finer sketch would be black
+    if len(problem.surface.edges.ends) > 3000:  # in a sketch of a finer mesh lines would merge
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, test_rows, test_standings)

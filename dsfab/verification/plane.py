@@ -1,4 +1,4 @@
-"""Sheets loaded in their plane: patches of constant stress, Cook's panel, and stress at the edge of holes."""
+"""Sheets loaded in their plane: patches of constant stress, Cook's panel, and stress at holes."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -26,9 +26,8 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face. The stress is linear
-    on each face, as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal.
-    """
+    """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face.
+    The stress of `quadratic` and `hybrid` membranes is linear on a face; constant strain gives equal corners."""
     strain = membrane_strains(surface, answer)
     xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
     planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
@@ -37,7 +36,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
 
 
 def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
-    """Return (3, 3) mean of the corner stresses that meet at a vertex, Pa."""
+    """Return the mean (3, 3) of the stresses in all face corners at a vertex, Pa."""
     return np.asarray(corner_stress(surface, material, answer)[vertex == surface.F].mean(axis=0))
 
 
@@ -67,9 +66,8 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force. The value is the movement of the
-    end's middle vertex. `diagonal` halves the cells along their short diagonals, like published triangles.
-    """
+    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; value: movement of its end.
+    The middle vertex of the end counts. `diagonal` halves cells along the short diagonal, like published triangles."""
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
         uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
@@ -81,18 +79,16 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Kirsch's own
-    tractions act on its outer edge. The value is the stress along the hole's edge at the place where it is three times
-    the tension.
-    """
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
+    Kirsch's own tractions act on the outer edge. The value is the largest stress along the hole's edge, exactly 3."""
     uv, F = square(cells, cells, mesh)
-    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells are as long as wide
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
     return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
 
 
 def kirsch_stress(x: Floats, y: Floats) -> Floats:
-    """Return (..., 2, 2) stress around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
+    """Return the stress (..., 2, 2) around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
     q, turn = 1 / (x**2 + y**2), np.arctan2(y, x)
     c2, c4, s2, s4 = np.cos(2 * turn), np.cos(4 * turn), np.sin(2 * turn), np.sin(4 * turn)
     xx = 1 - q * (1.5 * c2 + c4) + 1.5 * q**2 * c4
@@ -102,9 +98,8 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
 
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
-    """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa. The pull
-    acts on the outer edge. The value is the stress along the inner edge at the end of its long axis, Pa.
-    """
+    """Return NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled by 10 MPa on its outer edge.
+    The value is the stress along the inner edge at the end of its long axis, Pa."""
     uv, F = square(cells, cells, mesh)
     turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
     V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
@@ -123,8 +118,7 @@ def quarter(
     """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
-    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end.
-    """
+    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end."""
     end, component = target
     surface = Surface(V, F)
     outer = edges_on(surface, is_at(uv[:, 1], 1.0))
@@ -147,9 +141,7 @@ def quarter(
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """Return the mean of stress . n (e, 3) on marked edges by four Gauss points, 0 on other edges; n points
-    outwards.
-    """
+    """Return the mean traction (e, 3) on marked edges (e,), by four Gauss points and outward normals; 0 elsewhere."""
     ends = surface.V[surface.edges.ends[marked], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

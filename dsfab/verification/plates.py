@@ -1,4 +1,4 @@
-"""Plates bent by a load across them."""
+"""Plates: deflection and stress under a load across their plane, vibration, and buckling."""
 
 from dataclasses import replace
 from functools import partial
@@ -48,9 +48,8 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides. The remaining
-    sides are free. The value is the deflection of its centre times 100 D / (q a^4).
-    """
+    """Return a rhombus with sides of 100 and an angle of 60 degrees, .1 thick, simply supported on two opposite sides.
+    The value is the deflection of its centre times 100 D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
@@ -83,7 +82,7 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def shaken_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return the supported plate without its load; the value is its lowest omega a^2 sqrt(rho h / D)."""
+    """Return the supported plate without load; the value is its lowest omega a^2 sqrt(rho h / D)."""
     problem = plate(cells, mesh, clamped=False)
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
@@ -95,9 +94,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """Return a unit square on simple supports, pressed along x by a line load N. The value is the lowest buckling load
-    N a^2 / D.
-    """
+    """Return a simply supported unit square, pressed along x by a line load N; value: N a^2 / D at buckling."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
@@ -125,7 +122,7 @@ def _moment() -> float:
     """Return M / (q a^2) at the centre of a supported square plate, nu = 0.3 [Navier 1820; Timoshenko 1959, 30]."""
     odd = np.arange(1, 400, 2)
     m, n = np.meshgrid(odd, odd, indexing="ij")
-    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # this is sin(m pi / 2) sin(n pi / 2)
+    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # the sign is sin(m pi / 2) sin(n pi / 2)
     return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
 
 

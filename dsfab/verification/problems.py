@@ -1,4 +1,4 @@
-"""Benchmark problems: meshes of the square and the sphere, supports, loads, and the compared value."""
+"""Problems for the tests: meshes of square and sphere, supports, loads, and the value to compare."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,15 +23,14 @@ from dsfab.surface import LoadCase, Surface
 
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
-"""Mesh patterns: squares halved by parallel diagonals, squares halved by alternating diagonals, and the second pattern
-with randomly moved inner vertices.
-"""
+"""Mesh patterns. `diagonal` halves squares by parallel diagonals, `union_jack` by alternating diagonals; `jittered` is
+`union_jack` with randomly moved inner vertices."""
 
-NEAR = 1e-9  # Parameters of the unit square closer than this are equal.
+NEAR = 1e-9  # Coordinates in the unit square that differ by less are equal.
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
-    """Return vertices (n, 2) and faces of a mesh of the unit square with nx by ny cells."""
+    """Return vertices (n, 2) and faces (m, 3) of a mesh of the unit square with nx by ny cells."""
     x, y = np.meshgrid(np.arange(nx + 1) / nx, np.arange(ny + 1) / ny, indexing="ij")
     uv = np.stack([x.ravel(), y.ravel()], axis=1)
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
@@ -47,7 +46,7 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
         ]
     )
     if mesh == "jittered":
-        # the centre stays, because tests read values at it
+        # the centre vertex does not move, because tests read its values
         inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)
         shift = np.random.default_rng(0).uniform(-0.25, 0.25, (inner.sum(), 2))
         uv[inner] += shift / (nx, ny)
@@ -55,18 +54,18 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
 
 
 def is_at(values: Floats, position: float) -> Bools:
-    """Return (k,) which parameters (k,) equal `position`."""
+    """Return a mask (k,) of the values (k,) that equal `position`."""
     return np.asarray(np.abs(values - position) < NEAR)
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """Return the boundary edges (e,) that have both ends on one of the lines of vertices."""
+    """Return a mask (e,) of the boundary edges with both ends on one of the lines, each a mask (n,) of vertices."""
     is_on_line = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(is_on_line & surface.edges.boundary)
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3): the unit sphere as an octahedron with `cells` on each edge; normals point outwards."""
+    """Return V (n, 3), F (m, 3) of the unit sphere: an octahedron with `cells` on each edge; normals point outwards."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -76,13 +75,13 @@ def octasphere(cells: int) -> tuple[Floats, Ints]:
 
 
 def octant(cells: int) -> tuple[Floats, Ints]:
-    """Return V (n, 3), F (m, 3): the part of `octasphere` without negative coordinates."""
+    """Return V (n, 3), F (m, 3) of the eighth of `octasphere` without negative coordinates."""
     b, faces = _octahedron_side(cells)
     return _on_sphere(b, cells), faces
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Return corners (n, 3) and faces of one side of the octahedron; the three integers of a corner sum to `cells`."""
+    """Return corners (n, 3) and faces of one octahedron side; a corner has three integers, whose sum is `cells`."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -103,20 +102,19 @@ def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
 
 
 def _on_sphere(points: Ints, cells: int) -> Floats:
-    """Return points with equal angles along the octahedron's edges, so that all triangles are of similar size."""
+    """Move points of the octahedron onto the sphere, with equal angles along edges, so that triangles are alike."""
     bent = np.sign(points) * np.sin(np.pi / 2 * np.abs(points) / cells)
     return np.asarray(bent / np.linalg.norm(bent, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One mesh of one test: the problem and its compared value.
+    """One mesh of one test: structure, loads, and the value to compare.
 
-    fixed   : (n, 3) held directions.                   clamped : (e,) edges that may not turn (built in, or symmetry).
+    fixed   : (n, 3) held directions.                   clamped : (e,) edges that cannot turn (built in, or symmetry).
     force   : (n, 3) concentrated loads, newtons.       spread  : loads per area and per length.
-    value   : function from an answer to the compared value.
-    modes   : function from elements to the value, for eigenvalue problems.
-    """
+    value   : function from an answer to the value.
+    modes   : function from elements to the value, for eigenvalue problems."""
 
     surface: Surface
     material: Material
@@ -130,22 +128,22 @@ class Problem:
 
     @property
     def load(self) -> LoadCase:
-        """Supports, and all loads on the vertices."""
+        """Supports and all loads, as forces at the vertices."""
         force = self.force + self.spread.vertex_forces(self.surface)
         return LoadCase(self.fixed, force, (self.force != 0).any(axis=1))
 
     @property
     def plane_axis(self) -> int | None:
-        """Axis across a sheet that is solved in its plane, else None."""
+        """Axis normal to a sheet that is solved in its plane; else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
     def needs_rotations(self) -> bool:
-        """True if edges are clamped and the load bends the sheet."""
+        """True if the problem clamps edges and its load bends the sheet."""
         return bool(self.clamped.any()) and self.plane_axis is None
 
     def unknowns(self, elements: Elements) -> int:
-        """Return the number of free unknowns of these elements."""
+        """Return the number of free unknowns with these elements."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -154,9 +152,7 @@ class Problem:
 
     def nodal_unknowns(self) -> int:
         """Return the number of free unknowns of usual elements: three displacements and two rotations at each vertex.
-        Vertices of clamped edges lose one rotation, built-in vertices both rotations; sheets in a plane have no
-        rotations.
-        """
+        A vertex of a clamped edge loses one rotation, a built-in vertex both; a sheet in its plane has no rotations."""
         fixed = self.fixed.copy()
         if self.plane_axis is not None:
             fixed[:, self.plane_axis] = True
@@ -167,7 +163,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """Return the value with these elements. Raises StaticsError."""
+        """Return the value by these elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         answer = solve_statics(
@@ -186,19 +182,16 @@ class Test:
     """A structure with a known answer.
 
     reference : reference value, in SI units or the source's own consistent units.
-    source    : source of the reference, with the share of the load on the meshed part.
-    about     : the structure in a line.
+    source    : source of the reference, and the modelled part of structure and load.
+    about     : description of the structure in a line.
     problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
-    cells     : refinements, coarse to fine.      meshes : patterns.
-    within    : tolerance if it is less than that of the quantity.
-    targets   : largest relative errors of the elements for displacements, by cells.
-    limit     : reference of the targets, if it is not `reference`: the limit of the elements, which is the exact answer
-                of a thin sheet if published. The table shows both references.
-    quantity  : kind of value, which defines the tolerance.
-    beyond    : effect, in words, that the reference includes and thin sheets lack; in this case the value must meet
-                `limit`.
-    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed.
-    """
+    cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
+    within    : tolerance, if it differs from that of the quantity.
+    targets   : largest relative error of the elements for displacements, by number of cells.
+    limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
+    quantity  : kind of value, which decides the tolerance.
+    beyond    : effect, in words, that the reference includes and thin sheets lack; then the value must meet `limit`.
+    outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed."""
 
     __test__ = False  # pytest collects classes of this name
 
@@ -218,12 +211,12 @@ class Test:
 
     @property
     def tolerance(self) -> float:
-        """Accepted relative error on the finest mesh, for all pairs of reported values."""
+        """Accepted relative error on the finest mesh, for the pairs of elements that dsfab reports."""
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """Return held directions (n, 3) from pairs of marked vertices and directions such as "xz"."""
+    """Return held directions (n, 3) from pairs of a vertex mask (n,) and directions such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -232,7 +225,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """Return forces (n, 3) in newtons from pairs of one marked vertex and its force."""
+    """Return forces (n, 3) in newtons from pairs of a vertex mask (n,) and the force on its first vertex."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -240,21 +233,20 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """Return a value function: mean displacement of the marked vertices (n,) along a direction, metres."""
+    """Return a function from an answer to the mean displacement of marked vertices (n,) along a direction, metres."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
 def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
-    """Return (e, 3) the line load on marked edges."""
+    """Return line loads (e, 3) that are constant on marked edges (e,) and 0 on the other edges."""
     return np.asarray(where[:, None] * np.array(newtons_per_metre))
 
 
 def tip_loaded(
     uv: Floats, F: Ints, V: Floats, material: Material, thickness: float, force: tuple[float, float, float]
 ) -> Problem:
-    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force along its end u = 1. The value is the
-    movement of that end.
-    """
+    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1.
+    The value is the movement of that end along the force."""
     surface = Surface(V, F)
     root, tip = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

@@ -1,4 +1,4 @@
-"""Results of benchmark problems: ratios and convergence rates, beside published values."""
+"""Results of the tests: ratios to references, rates of convergence, and comparison with published values."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -14,23 +14,21 @@ from dsfab.verification.problems import Mesh, Problem, Test
 
 @dataclass(frozen=True)
 class VerificationRow:
-    """One mesh of one test with one pair of elements.
+    """Result of one test on one mesh with one pair of elements.
 
     unknowns : number of free unknowns.
-    ratio    : value over reference; None (like `value`) if the elements cannot clamp the test's edges.
-    rate     : observed order of convergence from this mesh and two coarser meshes, without the reference. None on the
-               first two meshes and at round-off. The rate is rough for jittered meshes, which are not nested, and for
-               oscillating values.
-    verdict  : `ok`: within the test's tolerance. `coarse`: outside, but a finer mesh of the series is within it. `off`:
-               outside, as is the finest mesh. `theory`: the finest mesh is off, but within tolerance of the test's
-               limit,
-               because thin sheets lack an effect (`Test.beyond`). `not run`: the test clamps edges, and hinges have no
-               rotations. `refused`: the solver rejected its own answer (a sheet too thin for sixteen digits).
-    target   : largest relative error of the pair for displacements on this mesh, if set.
+    ratio    : value over reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
+    rate     : observed order of convergence from this mesh and the two coarser ones, without the reference; None on the
+               first two meshes and at round-off. Jittered meshes are not nested, so their rate is rough.
+    verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`:
+               outside, as
+               is the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets (`Test.beyond`).
+               `not run`: the test clamps edges, and hinges have no rotations. `refused`: the solver rejected its own
+               answer, because the sheet is too thin for sixteen digits.
+    target   : largest allowed relative error on this mesh, for the pair for displacements; None without a target.
     met      : True if the error is below the target.
-    limit    : reference of the target, if it is not `reference`, see `Test.limit`.
-    of_limit : value over limit.
-    """
+    limit    : reference of the target, if it is not `reference`; see `Test.limit`.
+    of_limit : value over limit."""
 
     test: str
     mesh: str
@@ -50,7 +48,7 @@ class VerificationRow:
 
 
 def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
-    """Return all refinements of one test on one pattern with one pair of elements."""
+    """Return the results of one test for all its refinements, with one mesh pattern and one pair of elements."""
     problems = [test.problem(cells, mesh) for cells in test.cells]
     if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
         values: list[float | None] = [None] * len(problems)
@@ -86,11 +84,11 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     return rows
 
 
-OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program; rows have it in place of a pair of elements.
+OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a pair of elements.
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """Return all refinements by the test's other program; empty without such a program, or if it is not installed."""
+    """Return the results of the test's other program for all refinements; empty without an installed program."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     values = [result[1] for result in results if result is not None]
     if not values:
@@ -116,13 +114,13 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Return refused rows and rows that are off on the finest mesh, for pairs whose values dsfab reports."""
+    """Return the rows that are refused, or off on the finest mesh, for the pairs of elements that dsfab reports."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return log2 of the ratio of two steps of values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
+    """Return log2 of the ratio of two steps, between values on meshes of sizes 1, 1/2 and 1/4; None at round-off."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -131,7 +129,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return the largest over the smallest value, less 1, among the patterns of each (test, elements, cells)."""
+    """Return the largest over the smallest value, minus 1, among the mesh patterns of each (test, elements, cells)."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -164,7 +162,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A document, and the method by which its numbers were read."""
+    """A published document, and how its numbers were read."""
 
     title: str
     seen: Seen
@@ -175,15 +173,15 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """One published value over the source's reference.
+    """One published value over the reference of its source.
 
-    cells    : mesh of this test (a whole roof has twice the cells of its quarter), or None if the source has a `note`
-               only, such as "coarse mesh".
-    unknowns : number in the source's mesh if the test has no equal mesh; in this case `cells` is the next coarser mesh,
-               and `note` has that of the source. None: counted on the test's mesh.
-    constant : True if its membrane is a triangle of constant strain.
-    middles  : True if the element also has nodes in the middle of its sides.
-    """
+    cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the source
+               has only a `note`, such as "coarse mesh".
+    unknowns : number in the source's mesh, if the test has no equal mesh; then `cells` is that of the next coarser
+               mesh.
+               None: counted on the test's mesh.
+    constant : True if the element's membrane is a triangle of constant strain.
+    middles  : True if the element also has nodes in the middle of its sides."""
 
     test: str
     element: str
@@ -215,15 +213,12 @@ SIMO = Publication(
 )
 DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
 FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
-
-TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of the usual mesh of the twisted beam.
-
+TWELVE_BY_TWO = 12 * 3 * 5  # Free unknowns of a twisted beam with 12 x 2 cells.
 Ratios = dict[str, tuple[float, ...]]
-
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # values for loads in the plane on the three shapes of cells, and for loads across the plane
+    # a tuple holds the ratios on three shapes of cells: first for loads in the plane, then for loads across the plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -261,7 +256,7 @@ REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
 )
 
 TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
-    # values for loads along the width of the tip, and across the width
+    # each pair holds the ratios for loads along the width of the tip, and across the width
     (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
     (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
 )
@@ -272,7 +267,7 @@ NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S8R5": (0.179, 0.185), "Abaqus S4": (0.083, 0.175)}),
 )
-"""Stress (MPa) and displacement (m) on NAFEMS's own coarse and fine meshes."""
+"""Stress (MPa) or displacement (m) on the coarse and the fine mesh of NAFEMS."""
 
 CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "constant strain triangle")
 MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
@@ -309,23 +304,22 @@ def _published_value(
     return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
 
 
-PUBLISHED = tuple(_published_values())  # All published values.
-
-
+PUBLISHED = tuple(_published_values())
 Outcome = Literal["better", "alike", "worse", "unknown"]
 
 
 @dataclass(frozen=True)
 class Standing:
-    """One published value beside the pair for displacements.
+    """One published value beside dsfab's pair of elements for displacements.
 
-    unknowns : number in the published mesh, None if the source lacks it.
-    ours     : relative error of that pair, the largest of its regular patterns (published meshes are regular too). It
-               is at least that of any finer mesh, so that luck does not count. None: no mesh compares.
-    basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh if
-               that has fewer; `cells`: ours is on the same cells, because all our meshes have more unknowns.
-    outcome  : result of the comparison of our error with the published error.
-    """
+    unknowns : number in the published mesh; None if the source does not tell it.
+    ours     : relative error of that pair, the largest of its regular patterns, at least that of any finer mesh, so
+               that
+               luck does not count. None if no mesh compares.
+    basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh if that has
+               fewer.
+               `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
+    outcome  : whether our error is better than, like, or worse than the published error."""
 
     published: Published
     unknowns: int | None
@@ -335,7 +329,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Return every published value of the tests that `rows` has with the pair for displacements."""
+    """Return a comparison with each published value, for the tests in `rows` with the pair for displacements."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -346,7 +340,8 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and the largest error over the patterns, for each number of cells at which no pattern failed."""
+    """Return unknowns and largest error of all patterns, by number of cells; without cells at which a pattern
+    failed."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]
@@ -357,7 +352,7 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """Return a line for each test on which the paper's elements miss published constant-strain triangles."""
+    """Return a line for each test that the paper's elements fail, with published results of constant strain."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -387,10 +382,10 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # a value may pass through the reference before it converges, so the errors of finer meshes count
+    # a value may pass through the reference before it converges, so errors on finer meshes count, too
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
-    if unknowns >= 0.8 * sizes[0]:  # a mesh with up to a fifth fewer unknowns counts as equal
+    if unknowns >= 0.8 * sizes[0]:  # up to a fifth fewer unknowns count as equal
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:
@@ -400,6 +395,6 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
 
 
 def _outcome(ours: float, theirs: float) -> Outcome:
-    if abs(ours - theirs) <= 0.005:  # references of different sources differ by up to this
+    if abs(ours - theirs) <= 0.005:  # references in different sources differ by up to half a percent
         return "alike"
     return "better" if ours < theirs else "worse"

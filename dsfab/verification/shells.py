@@ -1,4 +1,4 @@
-"""Curved sheets: the shell obstacle course [Belytschko et al. 1985]."""
+"""Curved sheets: the obstacle course for shell elements [Belytschko et al. 1985]."""
 
 import numpy as np
 
@@ -20,14 +20,13 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, load 90 per area, on diaphragms at its
-    ends.
-    """
+    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, load 90 per area, diaphragms at both
+    ends."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
-    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding; its reaction is 0
+    crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding, without a reaction
     return Problem(
         surface,
         Material(4.32e8, 0.0),
@@ -41,9 +40,8 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
 
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick. Forces of 2 act inwards and
-    outwards at the rim. A force of 1 on each of the quarter's two corners is half of these.
-    """
+    """Return a quarter of a hemisphere with a hole of 18 degrees: radius 10, 0.04 thick.
+    Forces of 2 act inwards and outwards at the rim; each of the quarter's two corners takes half of a force."""
     uv, F = square(cells, cells, mesh)
     turn, polar = np.pi / 2 * uv[:, 0], np.radians(18 + 72 * uv[:, 1])
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
@@ -81,8 +79,8 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, 2 kN outwards and 2 kN inwards at two
-    corners. It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles.
-    """
+    corners.
+    It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))

@@ -1,4 +1,4 @@
-"""Buckling of a cylinder under axial load; `plates` has the buckling plate."""
+"""Buckling of a cylinder under axial load."""
 
 from dataclasses import replace
 
@@ -8,22 +8,21 @@ from dsfab.statics import Elements, Material, SheetModel, SpreadLoad, buckling, 
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
 
-WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of a tube of radius 1.
-
-CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))  # N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
+WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02  # Material and thickness of the tube, whose radius is 1.
+CLASSICAL = 1 / np.sqrt(
+    3 * (1 - WALL.poisson**2)
+)  # Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908].
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
-"""Half wavelength of the buckling rings for radius 1: the length of the tube. In so short a tube, two kinds of modes
-are lowest: rings, and waves of low number around the tube, within 1 % of the rings. A longer tube buckles as a
-chessboard with few waves around. The theory of shallow shells also gives .605 for the chessboard, which is 4 % too high
-for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991.
-"""
+"""Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
+In so short a tube the lowest modes are rings, and waves around the tube, within 1 % of the rings. A longer tube
+buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 % too
+high for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter of a tube pressed along its axis, ends on simple supports; the value is N R / (E t^2). Before
-    buckling its ends are free to widen, so that the stress is uniform; for buckling they are held round.
-    """
+    """Return a quarter of a tube pressed along its axis, on simple supports at its ends; the value is N R / (E t^2).
+    Before buckling the ends can widen, so that the stress is uniform; for the buckling modes they keep their radius."""
     uv, F = square(cells, 2 * max(1, round(cells * WAVE / np.pi)), mesh)
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([np.cos(turn), np.sin(turn), WAVE * uv[:, 1]], axis=1), F)

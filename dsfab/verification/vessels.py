@@ -1,4 +1,4 @@
-"""Vessels under pressure, in closed form."""
+"""Vessels under pressure, with answers in closed form."""
 
 from collections.abc import Callable
 
@@ -13,7 +13,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a closed sphere. The poles of the three axes cannot move across their axis; their reactions are 0."""
+    """Return a closed sphere. Six poles cannot move across their axis; the reactions are 0."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
@@ -30,9 +30,9 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """Return a tube with free ends, 2 m long; four vertices of one end are fixed against rigid motions only."""
+    """Return a tube 2 m long with free ends; supports at four vertices of one end prevent only rigid motions."""
     uv, F = square(cells, cells // 2, mesh)
-    # the last line of vertices becomes the first
+    # the last line of vertices is the first line, because the tube is closed around
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
     uv = uv[uv[:, 0] < 1 - 1e-9]
     turn = 2 * np.pi * uv[:, 0]

@@ -1,4 +1,4 @@
-"""Free vibrations of NAFEMS: a plate across its plane and a membrane within its plane, both built in at one side."""
+"""Free vibrations of NAFEMS: a plate across its plane and a membrane in its plane, both built in at one side."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
@@ -14,19 +14,17 @@ STEEL = Material(200e9, 0.3, 8000.0)
 THICKNESS = 0.05
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
-"""FV16 in Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis, NAFEMS R0015, as
-listed in Altair OptiStruct's verification problem OS-V 0430. The values are Barton's of 1951, by a Ritz method with
-few terms. All pairs here converge to values .5 to 1 % lower (3.471 instead of 3.494 in the first mode).
-"""
+"""Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis, NAFEMS
+R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them. They are Barton's of 1951, by a Ritz method
+with few terms. All pairs of elements converge to values .5 to 1 % lower, for example 3.471 instead of 3.494."""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
-"""FV32 in the same report, as listed in ENERCALC 3D's verification problem F-03."""
+"""Frequencies of FV32 in the same report, as ENERCALC 3D's verification problem F-03 lists them."""
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV16: 10 m square, 50 mm thick, built in along x = 0; it moves across its plane only. The value is in
-    hertz.
-    """
+    """Return FV16: 10 m square, 50 mm thick, built in along x = 0, moving only across its plane; the value is in
+    hertz."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)
@@ -35,9 +33,8 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: 10 m long, from 5 m to 1 m high, 50 mm thick, fixed along its high end; it moves in its plane
-    only.
-    """
+    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, fixed along its high end, moving only in its plane; in
+    hertz."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)

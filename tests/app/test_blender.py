@@ -84,7 +84,7 @@ def test_it_is_written_once_and_as_python(tmp_path, capsys):
     assert "is there already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
     assert main(["blender", "-o", str(tmp_path / "a.zip")]) == 1
-    assert "an add-on is a .py file" in capsys.readouterr().err
+    assert "does not end in .py" in capsys.readouterr().err
 
 
 IN_BLENDER = """

@@ -308,7 +308,7 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
         (["build", "figurine"], "preset figurine needs a mesh of yours: add --mesh FILE"),
         (["build", "dome", "--format", "steep"], "did you mean step?"),
-        (["build", "dome", "--format", "dwg"], "'dwg' names no format; what reads DWG reads dxf"),
+        (["build", "dome", "--format", "dwg"], "dsfab export does not write 'dwg'; write dxf"),
         (["build", DOME_MODES, "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
         (["inspect", "missing.stl"], "missing.stl"),
         (["bench", "nowhere"], "preset 'nowhere' not found"),
@@ -334,8 +334,8 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        ("build dome -f stl -f step", "-f is there more than once; give it once, with commas: -f stl,step"),
-        ("build dome -o a -o b", "-o is there more than once; give it once"),
+        ("build dome -f stl -f step", "option -f appears more than once; give it once, with commas: -f stl,step"),
+        ("build dome -o a -o b", "option -o appears more than once; give it once"),
     ],
 )
 def test_an_option_that_is_there_twice_is_told_with_what_to_write(capsys, words, says):

@@ -74,7 +74,7 @@ def test_two_presets_of_one_name_do_not_overwrite_each_other(tmp_path, monkeypat
     assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 1
     first, second = json.loads(capsys.readouterr().out)
     assert (first["verdict"], first["error"]) == ("pass", "")
-    assert second["error"].startswith("a preset before it is called cantilever too")
+    assert second["error"].startswith("two presets have the name cantilever")
     assert main(["compare", "cantilever", "dome", "-o", str(tmp_path), "--quiet"]) == 0
 
 

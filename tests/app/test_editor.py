@@ -102,7 +102,7 @@ def test_the_page_names_no_file_here(tmp_path):
     with pytest.raises(PresetError, match=r"surface\.file"):
         now.preset_with({"surface": {"file": "/etc/passwd", "support": [], "load": []}})
     text = now.toml({}).replace('shape = "dome"', 'file = "/etc/hostname"')
-    with pytest.raises(PresetError, match="drop that mesh"):
+    with pytest.raises(PresetError, match="drop that file"):
         now.open_toml(text)
     with pytest.raises(PresetError, match="no preset"):
         opened_shipped("../presets/dome")
@@ -357,7 +357,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
         first = session.ask_solve({})
         sketch, _ = unpacked(session.first_model())
         assert (sketch["whole"], session.jobs.pending(first)) == (True, True)
-        with pytest.raises(DsfabError, match="nothing is solved yet"):
+        with pytest.raises(DsfabError, match="has no solution yet"):
             session.ask_members(judged=False)
         goes_on.set()
         wait(session.jobs, first)
@@ -379,7 +379,7 @@ def test_what_cannot_be_is_refused_in_a_sentence():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
-        with pytest.raises(DsfabError, match="not arrive whole"):
+        with pytest.raises(DsfabError, match="not arrive completely"):
             session.ask_mesh("a.obj", "m", "%%%")
         with pytest.raises(DsfabError, match="no mesh"):
             session.ask_mesh("a.exe", "m", "")
@@ -472,7 +472,7 @@ def alive(pid):
     [
         ('print(\'{"refused": "no material"}\')', "failed", "no material"),
         ('print(\'{"mistaken": "KeyError: 1"}\')', "failed", "please report"),
-        ("import os; os.abort()", "failed", "ended before its end"),
+        ("import os; os.abort()", "failed", "stopped too early"),
     ],
 )
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):

@@ -35,7 +35,7 @@ def outputs(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["", ".", "..", "../x", "a/b", "/etc", ".hidden", "a b", "ä", "x\n", "-o"])
 def test_a_name_leads_to_no_other_folder(outputs, name):
-    with pytest.raises(DsfabError, match="is no name of a folder in outputs"):
+    with pytest.raises(DsfabError, match="is not a valid name of a folder in outputs"):
         outputs.folder(name)
 
 
@@ -43,7 +43,7 @@ def test_a_link_leads_to_no_other_folder(outputs, tmp_path):
     outputs.home.mkdir()
     (tmp_path / "elsewhere").mkdir()
     (outputs.home / "roof").symlink_to(tmp_path / "elsewhere", target_is_directory=True)
-    with pytest.raises(DsfabError, match="is no name of a folder"):
+    with pytest.raises(DsfabError, match="is not a valid name of a folder"):
         outputs.folder("roof")
 
 
@@ -146,7 +146,7 @@ def test_one_file_is_exported_and_told(outputs, dropped):
         job = wait(session.jobs, session.ask_build({}, only="calculix")["job"])
         assert job.state == "done", job.text
         assert job.result["told"][-1] == "compare: cd outputs/my_roof && ccx my_roof, then read my_roof.dat"
-        with pytest.raises(ExportError, match="names no format"):
+        with pytest.raises(ExportError, match="is not a format"):
             session.ask_build({}, only="docx")
 
 

@@ -37,7 +37,7 @@ def test_variants_are_kept_in_order_and_named(opened):
     kept.keep(KeptVariant("", opened, {}))
     assert [one["name"] for one in kept.records()] == ["wide bands", "Variant 3"]  # numbers are not given twice
     for act in (kept.drop, lambda number: kept.rename(number, "x"), kept.__getitem__):
-        with pytest.raises(DsfabError, match="not kept any more"):
+        with pytest.raises(DsfabError, match="does not exist any more"):
             act(1)
 
 
@@ -46,11 +46,11 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
     with pytest.raises(PresetError, match="threshold"):
         kept.keep(KeptVariant("", opened, {"pattern.major.threshold": 7}))
     for picture in ("http://elsewhere/", "javascript:1", "data:image/png;base64," + "A" * workspace.LARGEST):
-        with pytest.raises(DsfabError, match="keep it again"):
+        with pytest.raises(DsfabError, match="keep the variant again"):
             kept.keep(KeptVariant("", opened, {}, picture))
     monkeypatch.setattr(workspace, "MAX_VARIANTS", 1)
     kept.keep(KeptVariant("", opened, {}))
-    with pytest.raises(DsfabError, match="1 variants are kept already"):
+    with pytest.raises(DsfabError, match="holds 1 variants already"):
         kept.keep(KeptVariant("", opened, {}))
 
 

@@ -337,8 +337,8 @@ def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[s
 @pytest.mark.parametrize(
     ("more", "told"),
     [
-        (["--vary", "pattern.major.frequency=4,8", "--vary", "diffusion.r=1,10"], "along one key with several values"),
-        (["--vary", "pattern.major.frequency=4"], "here there are 0"),
+        (["--vary", "pattern.major.frequency=4,8", "--vary", "diffusion.r=1,10"], "needs one key with several values"),
+        (["--vary", "pattern.major.frequency=4"], "but 0 keys have several"),
         (["--vary", "pattern.major.frequency=4,8", "--fps", "0"], "--fps 0 is not between"),
     ],
 )
@@ -408,7 +408,7 @@ def test_reactions_are_a_layer(capsys: pytest.CaptureFixture[str], tmp_path: Pat
         shown[layers] = int(((red - green > 30) & (blue - green > 30)).sum())  # purple
     assert shown["none"] == 0
     assert min(shown["reactions"], shown["all"]) > 20
-    assert "--layers 'birds' is not known" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
+    assert "--layers 'birds' is unknown" in refused(capsys, "preview", DOME_MODES, "--layers", "loads,birds")
 
 
 @pytest.mark.slow

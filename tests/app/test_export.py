@@ -115,9 +115,9 @@ def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
 @pytest.mark.parametrize(
     ("formats", "words"),
     [
-        ("stl,pdf", "'pdf' names no format; `dsfab compare` and `dsfab report` write reports as PDF"),
-        ("steep", "'steep' names no format; did you mean step? use one of"),
-        ("stl,calculix", "'calculix' is a check and no file of a build; dsfab export --to calculix writes it"),
+        ("stl,pdf", "dsfab export does not write 'pdf'; `dsfab compare` and `dsfab report` write reports as PDF"),
+        ("steep", "'steep' is not a format; did you mean step? use one of"),
+        ("stl,calculix", "format 'calculix' is not a file of a build; write it with dsfab export --to calculix"),
     ],
 )
 def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, capsys):
@@ -129,14 +129,14 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["dome"], "nothing says what to write; add --to calculix, stl"),
-        (["dome", "--to", "calculx"], "'calculx' names no format; did you mean calculix?"),
-        (["dome", "--to", "xyz"], "'xyz' names no format; use one of calculix, stl"),
-        (["dome", "--to", "dwg"], "'dwg' names no format; what reads DWG reads dxf, too"),
-        (["dome", "--to", "pdf"], "'pdf' names no format; `dsfab compare` and `dsfab report` write reports as PDF"),
-        (["dome", "-o", "part.dwg"], "'dwg' names no format"),
+        (["dome"], "the command names no format; add --to with one of calculix, stl"),
+        (["dome", "--to", "calculx"], "'calculx' is not a format; did you mean calculix?"),
+        (["dome", "--to", "xyz"], "'xyz' is not a format; use one of calculix, stl"),
+        (["dome", "--to", "dwg"], "dsfab export does not write 'dwg'; write dxf, which programs for DWG can read"),
+        (["dome", "--to", "pdf"], "dsfab export does not write 'pdf'; `dsfab compare` and `dsfab report`"),
+        (["dome", "-o", "part.dwg"], "dsfab export does not write 'dwg'"),
         (["dome", "--to", "calculix", "-o", "dome.stl"], "-o dome.stl does not end in .inp; --to calculix"),
-        (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds solids only; leave out --sheet, or write stl"),
+        (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds only solids; leave out --sheet"),
         (["domme", "--to", "calculix"], "did you mean dome?"),
         (["empty", "--to", "stl"], "empty has no preset.toml, so dsfab did not build it"),
         (["roof", "--to", "calculix"], "preset roof needs a mesh of yours: add --mesh FILE"),

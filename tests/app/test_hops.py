@@ -198,9 +198,9 @@ def test_points_are_feet_in_the_unit_of_the_model():
         ([], "mesh: nothing is connected"),
         ([sent("mesh", "Rhino.Geometry.Mesh", "{}")], "mesh: the geometry that was sent is not readable"),
         ([sent("mesh", "Rhino.Geometry.Curve", polyline_json(np.eye(3)))], "mesh: a mesh is wanted, not"),
-        ([vault(), sent("snow", "System.Double", '"much"')], "snow: '\"much\"' is no number"),
-        ([vault(), sent("snow", "System.Double", "NaN")], "snow: 'NaN' is no number"),
-        ([vault(), sent("snow", "System.Double", "1", "2")], "snow: 2 values are connected, and it takes one"),
+        ([vault(), sent("snow", "System.Double", '"much"')], "snow: '\"much\"' is not a number"),
+        ([vault(), sent("snow", "System.Double", "NaN")], "snow: 'NaN' is not a number"),
+        ([vault(), sent("snow", "System.Double", "1", "2")], "snow: 2 values are connected; connect a single value"),
         ([vault(), sent("preset", "System.String", '"pattern.rotate ="')], "preset: "),
         ([vault(), sent("preset", "System.String", '"pattern.rotat = 4"')], "did you mean rotate?"),
         ([vault(), sent("share", "System.Double", "7")], "pattern.width.solid_fraction = 7"),
@@ -214,7 +214,7 @@ def test_what_cannot_be_is_one_sentence_on_the_component(values, told):
 
 
 def test_a_request_of_something_else_is_told():
-    with pytest.raises(HopsError, match="no request of Hops"):
+    with pytest.raises(HopsError, match="not a request of Hops"):
         read_request(COMPONENTS["preview"], {"values": [1]})
     with pytest.raises(HopsError, match="the unit of the model is parsecs"):
         read_request(COMPONENTS["preview"], body(vault(), unit="Parsecs"))

@@ -209,9 +209,9 @@ def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothin
     ("arguments", "told"),
     [
         (["bobb"], r"the paper has no figure 'bobb'; did you mean bob\?; its figures are pavilion, hanging_bar, .*"),
-        (["bob", "--coarser", "0.5"], r"--coarser 0.5 is not between 1 and 8"),
-        (["bob", "--workers", "0"], r"--workers 0 must be 1 or more"),
-        (["bob", "--coarser", "nan"], r"--coarser nan is not between 1 and 8"),
+        (["bob", "--coarser", "0.5"], r"--coarser 0.5 is not a number from 1 to 8"),
+        (["bob", "--workers", "0"], r"--workers 0 is less than 1; give 1 or more"),
+        (["bob", "--coarser", "nan"], r"--coarser nan is not a number from 1 to 8"),
     ],
 )
 def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told):

@@ -96,7 +96,7 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
     assert "4 done, 0 failed, 0 left" in err
     assert "vary differ" in refused(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7")
     assert "7 runs: 7 done" in run(capsys, "s", "--vary", "pattern.major.phase=0.0:0.6:7", "--extend")[1]
-    assert "leave -o out" in refused(capsys, "s", "-o", "t")
+    assert "leave out -o" in refused(capsys, "s", "-o", "t")
 
 
 def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatch):
@@ -193,7 +193,7 @@ def test_kept_solids_and_sheets(here, capsys):
 
 
 REFUSALS = {
-    "nothing to vary": (["dome"], "say what to vary: dsfab sweep dome --vary"),
+    "nothing to vary": (["dome"], "add the keys to vary: dsfab sweep dome --vary"),
     "no such preset": (["cathedral", *PHASES], "'cathedral' not found"),
     "a misspelt key": (["dome", "--vary", "pattern.major.phse=1,2"], "did you mean phase"),
     "a misspelt metric": (["dome", *PHASES, "--metric", "complience"], "did you mean compliance?"),
@@ -201,7 +201,7 @@ REFUSALS = {
     "a bad range": (["dome", "--vary", "pattern.major.phase=0:1:x"], "is not a range"),
     "an endless grid": (["dome", "--vary", "pattern.major.phase=0.0:1.0"], "needs count"),
     "a bad constraint": (["dome", *PHASES, "--constraint", "pieces is 1"], "is not METRIC SIGN NUMBER"),
-    "no workers": (["dome", *PHASES, "--workers", "0"], "--workers 0 must be 1 or more"),
+    "no workers": (["dome", *PHASES, "--workers", "0"], "--workers 0 is less than 1; give 1 or more"),
     "a folder without a sweep": (["."], "holds no sweep (sweep.toml is missing)"),
     "the best of nothing": ([".", "--best", "3"], "holds no sweep"),
     "pictures too small": (["dome", *PHASES, "--size", "20x20"], "sides of 64 to 8000"),
@@ -220,9 +220,11 @@ def test_refusals(what, here, capsys):
 
 def test_questions_that_a_sweep_cannot_answer(here, capsys):
     run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-o", "s", "--constraint", "pieces == 99")
-    assert "there is no run 9; s has runs 1 to 4" in refused(capsys, "s", "--build", "9")
-    assert "'mass' was not measured" in refused(capsys, "s", "--best", "1", "--by", "mass")
-    assert "no run of s is done and meets pieces == 99" in refused(capsys, "s", "--best", "1", "--by", "kept_share")
+    assert "s has no run 9; give a number from 1 to 4" in refused(capsys, "s", "--build", "9")
+    assert "has no values of 'mass'" in refused(capsys, "s", "--best", "1", "--by", "mass")
+    assert "s has no finished run with a value of kept_share that meets pieces == 99" in refused(
+        capsys, "s", "--best", "1", "--by", "kept_share"
+    )
 
 
 @pytest.mark.parametrize(

@@ -114,4 +114,4 @@ def test_build_and_inspect_draw_it_when_asked(capsys, tmp_path):
     assert not (folder / "preview.png").exists()
     assert (folder / "fabrication.png").read_bytes() == (tmp_path / "a.png").read_bytes()
     assert main(["inspect", str(folder / "cantilever.stl"), "-o", str(tmp_path / "b.png")]) == 1
-    assert "not for a mesh file" in capsys.readouterr().err
+    assert "not with a mesh file" in capsys.readouterr().err

@@ -328,4 +328,4 @@ def test_a_mesh_is_inspected_as_it_is(capsys, tmp_path, words):
     file = tmp_path / "plate.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert main(["inspect", str(file), *words]) == 1
-    assert "is for a preset or a folder of results, not for a mesh file" in capsys.readouterr().err
+    assert "works with a preset or a folder of results, not with a mesh file" in capsys.readouterr().err

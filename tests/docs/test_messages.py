@@ -37,8 +37,8 @@ COMMANDS = {
     "cannot keep": "build dome --set pattern.width.solid_fraction=0.01",
     "cannot write": "build dome -o empty.obj",
     "Unknown option": "build dome --to step",
-    "names no format": "build dome --format dwg",
-    "is no scale": "workshop dome --model 1-50",
+    "does not write": "build dome --format dwg",
+    "is not a scale": "workshop dome --model 1-50",
     "fits on the stock": "workshop dome --set workshop.stock=[0.2,0.1]",
 }
 """Of what each message says, and the command that brings it."""

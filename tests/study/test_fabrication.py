@@ -390,7 +390,7 @@ def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
     assert set(again.splitlines()) <= set(said.splitlines())
     (tmp_path / "no").mkdir()
     assert main(["inspect", str(tmp_path / "no")]) == 1
-    assert "build it again" in capsys.readouterr().err
+    assert "build the design again" in capsys.readouterr().err
 
 
 @pytest.mark.slow

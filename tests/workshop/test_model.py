@@ -270,11 +270,11 @@ def test_the_command_writes_a_sheet_each_for_the_laser_and_removes_those_of_an_e
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--model", "0"], "--model '0' is no scale of a model; write for instance --model 1:50"),
-        (["--model", "1:x"], "is no scale of a model"),
-        (["--stock", "B9"], "--stock 'B9' is no sheet; write A4, A3"),
-        (["--stock", "3xm"], "--stock 'm' is no length"),
-        (["--thickness", "2miles"], "--thickness '2miles' is no length; write for instance 1mm"),
+        (["--model", "0"], "--model '0' is not a scale; write for instance --model 1:50"),
+        (["--model", "1:x"], "is not a scale"),
+        (["--stock", "B9"], "--stock 'B9' is not a size of a sheet; write A4, A3"),
+        (["--stock", "3xm"], "--stock 'm' is not a length"),
+        (["--thickness", "2miles"], "--thickness '2miles' is not a length; write for instance 1mm"),
     ],
 )
 def test_what_is_no_scale_no_sheet_and_no_length_is_refused_in_a_sentence(words, said, capsys):

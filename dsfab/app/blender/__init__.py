@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
-UNSET = 'PYTHON = ""\n'  # The line of the add-on that names the Python of dsfab.
+UNSET = 'PYTHON = ""\n'  # Line of the add-on that `addon` replaces: it names the Python program that has dsfab.
 
 
 def addon(python: str) -> str:
@@ -29,9 +29,9 @@ def blender(
     from dsfab.export import atomic_file
 
     if output.suffix != ".py":
-        raise DsfabError(f"-o {output}: an add-on is a .py file; write for instance -o {output.stem}.py")
+        raise DsfabError(f"-o {output} does not end in .py; write for instance -o {output.stem}.py")
     if output.exists() and not force:
-        raise DsfabError(f"{output} is there already; choose another name with -o, or write over it with --force")
+        raise DsfabError(f"{output} exists already; choose another name with -o, or overwrite the file with --force")
     with atomic_file(output) as path:
         path.write_text(addon(sys.executable), encoding="utf-8")
     print_result(

@@ -1,8 +1,7 @@
-"""dsfab in Blender: builds a structure from the mesh of the active object, and shows its solid and its members.
+"""dsfab in Blender: an add-on that builds a structure from the active object's mesh and shows its solid and members.
 
-Written by `dsfab blender`. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar (N) of
-the 3D view. dsfab itself runs as a separate program, with the Python that is set in the preferences of the add-on.
-"""
+`dsfab blender` writes this file. Install it in Preferences > Add-ons > Install from Disk; its panel is in the sidebar
+(N) of the 3D view. dsfab runs as a separate program, with the Python that the add-on's preferences name."""
 
 import os
 import re
@@ -35,7 +34,7 @@ class BuildError(Exception):
 
 
 class Preferences(bpy.types.AddonPreferences):
-    """Preferences of the add-on: the Python of dsfab."""
+    """Preferences of the add-on: the Python program that has dsfab."""
 
     bl_idname = __name__
     python: bpy.props.StringProperty(  # type: ignore[valid-type]
@@ -43,7 +42,6 @@ class Preferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw the field."""
         self.layout.prop(self, "python")
 
 
@@ -62,11 +60,11 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object with its modifiers as OBJ, in metres and in place. Raises BuildError without faces."""
+    """Write an object with its modifiers as OBJ, in metres, at its place. Raises BuildError if it has no faces."""
     if source.get(MADE_OF):
-        raise BuildError(f"{source.name} was built by dsfab; select {source[MADE_OF]}, the surface of it")
+        raise BuildError(f"{source.name} is a result of dsfab; select its surface, {source[MADE_OF]}")
     if source.type not in WITH_FACES:
-        raise BuildError(f"{source.name} is no surface; select a mesh")
+        raise BuildError(f"{source.name} is not a surface; select a mesh")
     source.hide_set(False)  # Blender ignores the modifiers of hidden objects
     evaluated = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = evaluated.to_mesh()
@@ -82,21 +80,21 @@ def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
 
 
 def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str]:
-    """Return the command line of the build. Raises BuildError for changes that cannot be split into words."""
+    """Return the command line of the build. Raises BuildError if the changes contain an unclosed quote."""
     preset = bpy.path.abspath(settings.preset)
     preset = str(Path(preset).resolve()) if Path(preset).is_file() else preset
     words = [preset, "--mesh", str(mesh)] if preset else [str(mesh)]
     try:
         changes = shlex.split(settings.changes)
     except ValueError as error:
-        raise BuildError(f"changes: {error}; write KEY=VALUE, spaces between") from None
+        raise BuildError(f"changes: {error}; write KEY=VALUE pairs with spaces between them") from None
     words += [word for text in changes for word in ("--set", text)]
     words += ["--unit", "m", "--up", "z", "--format", "glb,members.glb", "--no-preview", "--quiet", "-o", str(output)]
     return [bpy.path.abspath(python) if python else sys.executable, "-m", "dsfab", "build", *words]
 
 
 def failure_sentence(code: int, output: str) -> str:
-    """Return the last message of dsfab, without its name in front."""
+    """Return dsfab's last message without the prefix `dsfab: `."""
     lines = [line for line in output.strip().splitlines() if line]
     messages = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
     if "No module named dsfab" in output or "No module named 'dsfab'" in output:
@@ -131,7 +129,7 @@ def import_meshes(path: Path, source: str, collection: bpy.types.Collection, met
 
 
 def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
-    """Return a new collection for the build of an object; remove that of its last build."""
+    """Return a new collection for the build of an object, and remove the collection of its last build."""
     for earlier in [item for item in bpy.data.collections if item.get(MADE_OF) == name]:
         for part in (*earlier.children_recursive, earlier):
             for item in list(part.objects):
@@ -147,7 +145,7 @@ def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collecti
 
 
 def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
-    """Return the view layer's entry of a collection, which has its visibility."""
+    """Return the view layer's entry for a collection; this entry holds the visibility."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
         layer = layers.pop()
@@ -158,7 +156,7 @@ def view_layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection
 
 
 def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show a folder's solid and its hidden members, and hide the source object; return the number of members."""
+    """Show the solid of a folder, hide its members and the source object; return the number of members."""
     collection = new_collection(source.name, bpy.context.scene.collection)
     solid_file = next(path for path in folder.glob("*.glb") if not path.stem.endswith(".members"))
     for solid in import_meshes(solid_file, source.name, collection, metres):
@@ -167,7 +165,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
     collection.children.link(members)
     bodies = import_meshes(next(folder.glob("*.members.glb")), source.name, members, metres)
     view_layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source  # so that the next build takes the same object
+    bpy.context.view_layer.objects.active = source  # the next build takes this object again
     source.hide_set(True)
     return len(bodies)
 
@@ -181,7 +179,7 @@ class Build(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """True for an active object in object mode."""
+        """Return True in object mode with an active object."""
         return context.mode == "OBJECT" and context.active_object is not None
 
     def _begin(self, context: bpy.types.Context) -> bool:
@@ -192,7 +190,7 @@ class Build(bpy.types.Operator):
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # name of the design
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design gets this name
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # the output goes into a file, because a full pipe would stop the program
@@ -245,7 +243,7 @@ class Build(bpy.types.Operator):
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Check whether the program has ended; Esc ends it."""
+        """End the build if the program has ended or the user presses Esc."""
         stopped = event.type == "ESC"
         if not stopped and self._process.poll() is None:
             return {"PASS_THROUGH"}
@@ -269,7 +267,6 @@ class Panel(bpy.types.Panel):
     bl_category = "dsfab"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Draw preset, changes and a button."""
         for name in ("preset", "changes"):
             self.layout.prop(context.scene.dsfab, name)
         self.layout.operator(Build.bl_idname)
@@ -279,14 +276,14 @@ CLASSES = (Preferences, Wishes, Build, Panel)
 
 
 def register() -> None:
-    """Register the add-on's classes; Blender calls it."""
+    """Register the add-on's classes; Blender calls this function."""
     for registered_class in CLASSES:
         bpy.utils.register_class(registered_class)
     bpy.types.Scene.dsfab = bpy.props.PointerProperty(type=Wishes)
 
 
 def unregister() -> None:
-    """Unregister the add-on's classes; Blender calls it."""
+    """Unregister the add-on's classes; Blender calls this function."""
     del bpy.types.Scene.dsfab
     for registered_class in reversed(CLASSES):
         bpy.utils.unregister_class(registered_class)

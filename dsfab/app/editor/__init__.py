@@ -1,4 +1,4 @@
-"""The command `dsfab edit`: a live structure in a browser, from a server on this machine."""
+"""The command `dsfab edit`: a page in the browser that changes a design, from a server on this machine."""
 
 import sys
 import webbrowser
@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import print_result, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
-OUTPUTS = "outputs"  # Folder of builds, in the current folder, as for `dsfab build`.
+OUTPUTS = "outputs"  # Folder of builds in the current folder; `dsfab build` uses the same folder.
 
 
 def edit(
@@ -27,8 +27,7 @@ def edit(
     Parameters
     ----------
     target
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
-    """
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file."""
     from dsfab.app.editor.server import EditorServer
     from dsfab.app.editor.session import Session
     from dsfab.app.editor.workspace import Outputs, open_preset
@@ -47,7 +46,7 @@ def edit(
             try:
                 print_result(f"dsfab edit {opened.preset.name}: {server.address}")
                 print_result("Ctrl-C ends it.")
-                sys.stdout.flush()  # flush also for a pipe, because its reader waits for the address
+                sys.stdout.flush()  # a program that reads this pipe waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)

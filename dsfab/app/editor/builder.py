@@ -1,8 +1,7 @@
-"""Process that builds and reads for the editor; the editor may kill this process at any time.
+"""Program of the process that builds and reads meshes for the editor; the editor may kill the process at any time.
 
 standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
-standard output: a line of JSON for each progress, and a last line: done, refused or mistaken
-"""
+standard output: a JSON line for each progress, and a last JSON line with the key done, preset, refused or mistaken"""
 
 import json
 import os
@@ -13,14 +12,13 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from dsfab.app.editor.jobs import ReportProgress
 from dsfab.app.editor.workspace import MeshRequest, opened_mesh
 from dsfab.core.errors import DsfabError
 from dsfab.preset.file import preset_toml
 
 
 def main() -> None:
-    """Build, export or read as the request on standard input says."""
+    """Read a request from standard input; build, export or open a mesh, and write the result to standard output."""
     output = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
     os.dup2(2, 1)  # output of libraries goes to standard error
     source = sys.stdin.buffer
@@ -30,28 +28,23 @@ def main() -> None:
     def progress(stage: str, text: str) -> None:
         _send_line(output, {"stage": stage, "text": text})
 
+    final_message: dict[str, Any]
     try:
-        final_message = (
-            _open_mesh(request) if isinstance(request, MeshRequest) else _build_files(request, Path(folder), progress)
-        )
+        if isinstance(request, MeshRequest):
+            opened = opened_mesh(request)
+            decided = [asdict(decision) for decision in opened.decided]
+            final_message = {"preset": preset_toml(opened.preset), "decided": decided}
+        else:
+            from dsfab.app.editor.building import build_files, export_file
+
+            result = (export_file if request.only else build_files)(request, Path(folder), progress)
+            final_message = {"done": result.facts, "files": [path.name for path in result.files]}
     except DsfabError as error:
         _send_line(output, {"refused": str(error)})
-    except Exception as error:  # a bug: the message invites the user to report this
+    except Exception as error:  # the editor's message asks the user to report this bug
         _send_line(output, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
         _send_line(output, final_message)
-
-
-def _build_files(request: Any, folder: Path, progress: ReportProgress) -> dict[str, Any]:
-    from dsfab.app.editor.building import build_files, export_file
-
-    result = (export_file if request.only else build_files)(request, folder, progress)
-    return {"done": result.facts, "files": [path.name for path in result.files]}
-
-
-def _open_mesh(request: MeshRequest) -> dict[str, Any]:
-    opened = opened_mesh(request)
-    return {"preset": preset_toml(opened.preset), "decided": [asdict(decision) for decision in opened.decided]}
 
 
 def _send_line(output: TextIO, message: dict[str, Any]) -> None:

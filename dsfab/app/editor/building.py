@@ -1,4 +1,4 @@
-"""Builds of the page in a process that can be cancelled, and their folders of files."""
+"""Builds of the page, in a process that the user can cancel, and the folders of their files."""
 
 import io
 import json
@@ -31,7 +31,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """Files of a build, those of the preset's formats first, and facts about the solid for the page."""
+    """Files of a build, those in the preset's formats first, and facts about the build for the page."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -39,11 +39,11 @@ class EditorBuild:
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """A request to build a preset, reusing the stages of `old`.
+    """A request to build a preset; stages of the design `old` are used again if they are equal.
     picture : whether to draw a picture too.
-    mesh    : mesh of the page; dsfab copies it beside the files, and the preset there names the copy.
-    only    : a single format, in a word of `dsfab export --to`; '' for all files of a build.
-    before  : folder of an earlier build, which may hold this design."""
+    mesh    : mesh file of the page; dsfab copies it to the built files, and the written preset names the copy.
+    only    : a single format as in `dsfab export --to`; '' for all files of a build.
+    before  : folder of an earlier build, whose design is used again if its preset is equal."""
 
     preset: Preset
     old: Design | None = None
@@ -54,13 +54,12 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Make the solid and write the files of `dsfab build`; `facts` reports a STEP file over its limit. Raises
-    DsfabError.
-    """
+    """Write the files of `dsfab build`; `facts` reports a STEP file over its limit. Raises DsfabError."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:
-        design = _with_mesh_copy(design, request.mesh, folder)
+        copy = Path(shutil.copy(request.mesh, _mesh_copy_path(request.mesh, folder)))
+        design = replace(design, preset=with_file(design.preset, copy))
     saved = save(design, folder, progress, request.picture)
     wanted_files = [folder / f"{preset.name}.{suffix}" for suffix in preset.export.formats]
     requested_files = [path for path in wanted_files if path.exists()]
@@ -78,8 +77,7 @@ def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -
 
 
 def export_file(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write a single file like `dsfab export`, from the design in the folder `before` or from a new design.
-    Raises DsfabError if a stage or the format refuses the design."""
+    """Write a single file like `dsfab export`; the folder `before` may hold the design. Raises DsfabError."""
     from dsfab.app.export import CALCULIX, CALCULIX_SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
 
@@ -101,15 +99,10 @@ def _mesh_copy_path(mesh: Path, folder: Path) -> Path:
     return folder / f"surface{mesh.suffix}"
 
 
-def _with_mesh_copy(design: Design, mesh: Path, folder: Path) -> Design:
-    copy = Path(shutil.copy(mesh, _mesh_copy_path(mesh, folder)))
-    return replace(design, preset=with_file(design.preset, copy))
-
-
 def draw_png(
     preset: Preset, earlier: Design | None, view: str, show: str, size: tuple[int, int], progress: ReportProgress
 ) -> bytes:
-    """Return a PNG picture, drawn in this process. Raises DsfabError if this machine cannot draw."""
+    """Draw a preset in this process; return the picture as PNG. Raises DsfabError if this machine cannot draw."""
     from PIL import Image
 
     from dsfab.render import light
@@ -133,9 +126,8 @@ class BuilderError(RuntimeError):
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """Run `build_files`, or `export_file` for a single format, in another process.
-    Raises the errors of these functions, and Cancelled within a fraction of a second. After any error the process and
-    its children end, and dsfab removes the folder."""
+    """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
+    After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder."""
     message = pickled((request, str(folder)))
     try:
         with (
@@ -150,9 +142,7 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 
 
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
-    """Run `opened_mesh` in another process; raises the errors of `opened_mesh`, and Cancelled within a fraction of
-    a second.
-    """
+    """Run `opened_mesh` in another process. Raises DsfabError, and Cancelled a moment after a cancellation."""
     progress("surface", f"reading {request.name}")
     message = pickled((request, ""))
     with (
@@ -160,12 +150,8 @@ def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedP
         _process(Path(temporary)) as process,
     ):
         answer = _final_message(process, message, progress, "reading the mesh", "make it coarser")
-    return OpenedPreset(
-        preset_from_text(answer["preset"]),
-        (),
-        request.name,
-        tuple(Decision(**decision) for decision in answer["decided"]),
-    )
+    decided = tuple(Decision(**decision) for decision in answer["decided"])
+    return OpenedPreset(preset_from_text(answer["preset"]), (), request.name, decided)
 
 
 def _final_message(
@@ -177,12 +163,12 @@ def _final_message(
     while True:
         progress.check()
         try:
-            line = lines.get(timeout=0.1)  # without a line, `progress.check` looks for a cancellation
+            line = lines.get(timeout=0.1)  # after 0.1 s without a line, the loop looks for a cancellation
         except queue.Empty:
             continue
         if not line:
             code = process.wait()
-            raise DsfabError(f"{subject} ended before its end (exit code {code}); {advice}")
+            raise DsfabError(f"{subject} stopped too early (exit code {code}); {advice}")
         message: dict[str, Any] = json.loads(line)
         if "stage" in message:
             progress(message["stage"], message["text"])
@@ -196,7 +182,7 @@ def _final_message(
 
 def _send(process: "subprocess.Popen[bytes]", message: bytes) -> None:
     assert process.stdin is not None
-    with suppress(OSError):  # the process has ended
+    with suppress(OSError):  # the process has ended already
         process.stdin.write(len(message).to_bytes(8, "little") + message)
         process.stdin.flush()
 
@@ -241,14 +227,14 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Files of builds, by number. Files of unfinished builds are in the folder `aside`."""
+    """Files of all builds by number; files of unfinished builds are in the folder `aside`."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """Return a file by the number of its build and its index, because the page must not choose paths."""
+        """Return a file by the numbers of its build and of the file, because the page must not choose paths."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
@@ -258,18 +244,16 @@ class Builds:
         return list(self._files[max(self._files)]) if self._files else []
 
     def replacement_question(self, name: str) -> dict[str, Any]:
-        """Return the question before a build replaces files in the folder of this name; empty without such files."""
+        """Return a question for the user if a build would replace files in the folder of this name; else {}."""
         count = self.outputs.foreign_files(name)
         if not count:
             return {}
-        place = f"{self.outputs.label}/{name}"
-        files = "1 file" if count == 1 else f"{count} files"
-        would = "files of the same names, and what a build wrote there, would be replaced."
-        text = f"{place} holds {files} of before; {would}"
+        words = f"{self.outputs.label}/{name} holds {'1 file' if count == 1 else f'{count} files'} of before; "
+        text = words + "files of the same names, and what a build wrote there, would be replaced."
         return {"taken": text, "free": self.outputs.free_name(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
-        """Build, move the files to their folder, and return facts for the page. Raises DsfabError, and Cancelled."""
+        """Build, move the files to their folder, and return facts for the page. Raises DsfabError and Cancelled."""
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
         folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))

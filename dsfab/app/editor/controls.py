@@ -1,4 +1,4 @@
-"""The controls of the page: keys of the preset with their units and ranges."""
+"""Controls of the page: each changes a key of the preset and has a unit and a range."""
 
 from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
@@ -18,13 +18,13 @@ class Control:
     """A control for a single key of a preset.
     kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of words), size
                       (three lengths) or material (a choice that sets further keys).
-    low, high, step : range of the slider; the number beside the slider takes all values that the preset takes.
+    low, high, step : range of the slider; the number field beside the slider accepts every valid value of the key.
     log             : whether the slider is logarithmic.
-    live            : whether the picture follows at once; otherwise the server solves the change.
-    word            : word in place of a number ("auto", "off").
-    worth           : number of the word; None for the word itself.
+    live            : whether the page draws a change without the server; otherwise the server solves the change.
+    word            : word that the key accepts in place of a number ("auto", "off").
+    worth           : number that the word stands for; None if the key keeps the word.
     method          : the only pattern.method with this control.
-    instead         : number that 0 stands for, for evenly spaced stripes."""
+    instead         : number that the value 0 stands for, for evenly spaced stripes."""
 
     group: str
     key: str
@@ -45,20 +45,22 @@ class Control:
 
 
 def rounded_to_one_digit(value: float) -> float:
-    """Round a number to one significant digit."""
+    """Round a positive number to one significant digit."""
     digit = 10.0 ** np.floor(np.log10(value))
     return float(digit * max(round(value / digit), 1))
 
 
 def surface_controls(surface: Surface) -> list[Control]:
-    """Return the controls that depend on the surface; lengths scale with its size."""
+    """Return the controls whose ranges scale with the size of the surface."""
     return [*_direction_controls(), *_sheet_controls(surface), *_mesh_controls(surface), *_workshop_controls(surface)]
 
 
 def _direction_controls() -> list[Control]:
     flow = "directions"
     return [
-        Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
+        Control(
+            flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r; 1 ignores stress."
+        ),
         Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
         Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
         Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="Number of modes."),
@@ -67,9 +69,7 @@ def _direction_controls() -> list[Control]:
 
 
 _GAMMA = "gamma: factor on the loads before each face is classed as isotropic or not."
-_MODE_SYMMETRY = (
-    "Symmetry that the modes must have: x, y or z for a mirror, rot:6:z for sixths of a turn; several with commas."
-)
+_MODE_SYMMETRY = "Symmetries of the modes, with commas: x, y or z for a mirror, rot:6:z for turns by a sixth about z."
 
 
 def _sheet_controls(surface: Surface) -> list[Control]:
@@ -85,7 +85,7 @@ def _sheet_controls(surface: Surface) -> list[Control]:
 
 
 _YOUNG = "Young's modulus."
-_STRENGTH = "Strength beside the largest stress in reports; off for none."
+_STRENGTH = "Reports compare the largest stress with this strength; off for none."
 
 
 def _mesh_controls(surface: Surface) -> list[Control]:
@@ -96,7 +96,7 @@ def _mesh_controls(surface: Surface) -> list[Control]:
     ]
 
 
-_REFINE = "Triangles are divided until no edge is longer; off leaves them as they are."
+_REFINE = "Triangles are divided until no edge is longer than this; off divides nothing."
 _SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
 
 
@@ -119,14 +119,13 @@ def _workshop_controls(surface: Surface) -> list[Control]:
 
 
 _NO_SLITS = (
-    "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness. "
-    "A dash: on for evenly spaced stripes, but where widths follow the stress."
+    "Closes openings and widens members that are too narrow for a workshop, by the sheet's thickness. "
+    "A dash: on for evenly spaced stripes, unless widths follow the stress."
 )
-_BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
-
+_BED = "Room of the machine along x, y and z in metres, for instance 0.25 x 0.21 x 0.2; empty checks nothing."
 
 _ACCEPT = (
-    "Build although nothing carries a load, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
+    "Build even if a load has no support, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
 )
 
 
@@ -135,19 +134,11 @@ def _limit_control(control: Control) -> Control:
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
-    """Return all controls for JSON; lengths scale with the surface's size."""
+    """Return all controls for JSON; the ranges of lengths scale with the size of the surface."""
     reach = rounded_to_one_digit(EXACT_REACH_SHARE * surface.size)
     families = [control for name in ("major", "minor") for control in _family_controls(name, preset, surface, reach)]
-    return [
-        asdict(control)
-        for control in [
-            *_method_controls(),
-            *families,
-            *_width_controls(reach),
-            *_kept_controls(reach),
-            *surface_controls(surface),
-        ]
-    ]
+    pattern_controls = [*_method_controls(), *families, *_width_controls(reach), *_kept_controls(reach)]
+    return [asdict(control) for control in (*pattern_controls, *surface_controls(surface))]
 
 
 def _method_controls() -> list[Control]:
@@ -158,65 +149,46 @@ def _method_controls() -> list[Control]:
         Control(group, "pattern.method", "method", "choice", choices=methods, live=False, hint=_METHOD),
         Control(group, "pattern.families", "families", "choice", choices=shown, hint=_FAMILIES),
         Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
-        Control(
-            group,
-            "pattern.symmetry",
-            "symmetry",
-            "choice",
-            choices=symmetries,
-            live=False,
-            hint=_STRIPE_SYMMETRY,
-            method=even,
-        ),
-        Control(group, "pattern.forces", "forces", "choice", choices=forces, live=False, hint=_FORCES, method=even),
-        Control(
-            group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, live=False, hint=_ROUNDS, method=even
-        ),
-        Control(
-            group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, live=False, hint=_TURN, method=even
+        *(
+            replace(control, live=False, method=even)
+            for control in (
+                Control(group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, hint=_STRIPE_SYMMETRY),
+                Control(group, "pattern.forces", "forces", "choice", choices=forces, hint=_FORCES),
+                Control(group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, hint=_ROUNDS),
+                Control(group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, hint=_TURN),
+            )
         ),
     ]
 
 
 _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
-_FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
-_HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
-_STRIPE_SYMMETRY = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
-_FORCES = "Stripes run along those of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
-_ROUNDS = "How often directions are sought again, with the weight of what stripes leave; 0: of the uncut sheet."
-_TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."
+_FAMILIES = "A single family has no crossings; the rim and kept regions hold its members together."
+_HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
+_STRIPE_SYMMETRY = "auto: stripes have all mirrors and turns of surface, supports and loads; none: no symmetry."
+_FORCES = "Stripes follow the forces of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
+_ROUNDS = "How often directions are computed again with the weight of the cut sheet; 0: weight of the uncut sheet."
+_TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
 def _family_controls(name: str, preset: Preset, surface: Surface, reach: float) -> list[Control]:
-    key, group, modes_method = f"pattern.{name}.", f"{name} stripes", "modes"
-    mode_count = preset.diffusion.modes
+    key, group, mode_count = f"pattern.{name}.", f"{name} stripes", preset.diffusion.modes
     spacing = Control(group, key + "spacing", "spacing", "length", "m", high=2 * reach, step=reach / 100, hint=_SPACING)
     return [
-        Control(
-            group,
-            key + "mode",
-            "mode",
-            "whole",
-            low=1,
-            high=mode_count,
-            step=1,
+        replace(
+            Control(group, key + "mode", "mode", "whole", low=1, high=mode_count, step=1, hint=_MODE, method="modes"),
             word="auto",
-            hint=_MODE,
-            method=modes_method,
         ),
-        Control(
-            group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method=modes_method
-        ),
+        Control(group, key + "frequency", "frequency", low=0.5, high=40, step=0.1, hint=_FREQUENCY, method="modes"),
         replace(spacing, instead=Family().distance(surface.area, surface.mean_edge)),
-        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method=modes_method),
-        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1 all is material, 1 nothing is."),
+        Control(group, key + "phase", "phase", unit="periods", word="auto", hint=_PHASE, method="modes"),
+        Control(group, key + "threshold", "threshold", low=-1, step=0.01, hint="-1: all is material; 1: nothing is."),
     ]
 
 
-_MODE = "The field that stripes run on; 1 is the smoothest. auto tries several and takes the stiffest."
+_MODE = "Number of the mode, a field that stripes follow; 1 is the smoothest. auto selects the stiffest of several."
 _PHASE = "Moves the stripes sideways."
-_FREQUENCY = "Stripes per unit of the mode: more is finer."
-_SPACING = "Metres from one stripe to the next; on modes it takes the place of the frequency, and 0 gives it back."
+_FREQUENCY = "Stripes per unit of the mode; a larger number gives a finer pattern."
+_SPACING = "Metres from one stripe to the next. On modes it replaces the frequency; 0 uses the frequency again."
 
 
 def _width_controls(reach: float) -> list[Control]:
@@ -238,16 +210,20 @@ def _width_controls(reach: float) -> list[Control]:
 
 
 _RULE = (
-    "plain: as the thresholds say; constant: equally wide in metres; graded: as wide as the stress is large; "
-    "stressed: evened out on the cut sheet."
+    "plain: the thresholds decide the width; constant: one width in metres; graded: the width grows with the stress; "
+    "stressed: the energy of the cut sheet decides."
 )
-_STEPS = "How often the rule stressed cuts, solves and widens; the best is kept."
-_FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
-_MISSED = "Tolerance: if the share jumps past the solid fraction, the nearest value within it is taken and reported."
+_STEPS = "How often the rule stressed cuts, solves and widens; the stiffest result counts."
+_FRACTION = (
+    "Share of the surface that is material: widths are computed from this share. 0 leaves the widths as they are."
+)
+_MISSED = (
+    "Tolerance of the solid fraction: if it cannot be met exactly, the nearest share within is taken and reported."
+)
 _NONE = "0 sets no limit."
 _THINNEST = (
-    "0 sets no limit. auto: evenly spaced members of graded width are as wide as the sheet is thick, or as half of "
-    "what equally wide ones would be."
+    "0 sets no limit. auto: evenly spaced members of graded width are at least as wide as the sheet is thick, or as "
+    "half of the constant width for the same material."
 )
 
 
@@ -263,8 +239,8 @@ def _kept_controls(reach: float) -> list[Control]:
     ]
 
 
-_FILLET = "Radius of the corners of openings; seen in what is built."
+_FILLET = "Radius of the corners of openings; only the built solid shows it."
 _TIDY = (
-    "Take off stripes that end in the air, to the member that they cross last; fill slits. Seen in what is built. "
+    "Shortens members that end in an opening to their last crossing, and fills slits; only the built solid shows it. "
     "A dash: on for evenly spaced stripes of both families."
 )

@@ -1,4 +1,4 @@
-"""Drafts for the page: the striped mesh and the cut sheet as bytes, and their measures."""
+"""Drafts for the page: the mesh of the stripes and the cut sheet as bytes, and their measures."""
 
 import json
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Pack facts and arrays (...) into one message; floats as 32 bits, integers as unsigned 32 bits."""
+    """Pack facts and arrays (...) into one message; floats take 32 bits, integers become unsigned with 32 bits."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -44,9 +44,9 @@ def pack_message(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -
 
 
 def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return facts and arrays of the surface, phases, distances, answers and marks.
+    """Return facts and arrays of a draft: surface, fields of the stripes, statics, and marks of loads and supports.
     V (n, 3), metres, F (m, 3) and their fields belong to the mesh of the stripes (see `StripedMesh`). If this mesh is
-    a chart, loops, loads and supports refer to the vertices `uncut`."""
+    not the surface, loops, loads and supports refer to the vertices `uncut` (k, 3) of the surface."""
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.from_design(draft)
     up = up_axis(surface.V, surface, draft.load)
@@ -70,7 +70,7 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
             for name in ("major", "minor")
         },
         "limits": {
-            "stress": _stress_limit(answers["stress"]),
+            "stress": float(np.percentile(np.abs(answers["stress"]), COLOUR_PERCENTILE)) or 1.0,
             "displacement": float(np.linalg.norm(answers["u"], axis=1).max()),
         },
         "loops": [len(loop) for loop in surface.loops],
@@ -91,9 +91,9 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
-    For evenly spaced stripes, slopes are lines per metre. `shares` (n, 2) are factors on the half-widths by the rules
-    (see `StripedMesh`)."""
+    """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) of both families at frequency 1.
+    Slopes of evenly spaced stripes are lines per metre. `shares` (n, 2) are factors on the half-widths by width rules.
+    """
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -114,20 +114,16 @@ def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any
 
 
 def colour_scales() -> dict[str, list[list[int]]]:
-    """Return the colour scales, 64 steps each."""
+    """Return the colour scales by name, in 64 steps of red, green and blue."""
     signed, values = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
-    scales = {
-        "diverging": diverging_colours(signed),
-        "signed": signed_colours(signed),
-        "rising": rising_colours(values),
-    }
-    return {name: scale.tolist() for name, scale in scales.items()}
+    scales = {"diverging": diverging_colours(signed), "signed": signed_colours(signed)}
+    return {name: scale.tolist() for name, scale in (scales | {"rising": rising_colours(values)}).items()}
 
 
 def has_creases(surface: Surface) -> bool:
-    """True if a face differs so much from its corner normals that the shader must light each pixel."""
+    """Return True if a face differs so much from its corner normals that the shader must light each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
-    return bool(normals.sum(axis=2).min() < 0.8)  # the same cosine as in shader.js
+    return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
@@ -161,10 +157,6 @@ def _relative_stress(draft: Design) -> Floats:
         return np.ones((draft.surface.n, 2))
 
 
-def _stress_limit(value: Floats) -> float:
-    return float(np.percentile(np.abs(value), COLOUR_PERCENTILE)) or 1.0
-
-
 def _lines_per_metre(surface: Surface, x: Floats) -> float:
     try:
         return frequency_for(surface, x, 1.0)
@@ -173,7 +165,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return arrows for groups of forces, (k, 6) place and newtons, and places (k, 3) of supports."""
+    """Return arrows of grouped forces (k, 6), place and newtons, and the places (k, 3) of supports."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
@@ -188,7 +180,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates take longer without a visible difference
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates show no visible difference
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
@@ -199,13 +191,11 @@ TINTS = ("major", "minor")  # Families with their own colours; further material 
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Return arrays of a cut sheet with k vertices and m faces; families that meet at a place have separate vertices
-    there.
+    """Return the arrays of a cut sheet with k vertices and m faces; adjacent families have separate vertices.
 
-    V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) sides of its outlines.
-    tint : (k,) 0 major, 1 minor, 2 further material.    normals : (k, 3) unit, of the uncut surface.
-    corners, shares : (k, 3) each, vertices of the mesh of the stripes, and barycentric weights of the place.
-    """
+    V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
+    tint : (k,) 0 major family, 1 minor family, 2 further material.    normals : (k, 3) unit, of the uncut surface.
+    corners, shares : (k, 3) each; vertices of the face in the mesh of the stripes, and barycentric weights in it."""
     surface, striped_surface = sheet.surface, StripedMesh.from_design(draft).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in draft.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
@@ -229,15 +219,16 @@ def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[SlicingResult, list[str]]:
-    """Return the cut and tidied sheet of a draft, and notes. Raises DsfabError when the pattern leaves no material."""
+    """Return the cut and tidied sheet of a draft, and notes. Raises DsfabError if the pattern leaves no material."""
     log = Log(progress)
     cut = slicing_step(draft.preset, draft.surface, draft.statics, draft.pattern, log)
     return cut, [f"{note.stage}: {note.text}" for note in log.notes]
 
 
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
-    """Return square metres, kilograms (sheet area times thickness), pieces and widths in metres, for JSON.
-    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width."""
+    """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
+    under      : whether the narrowest member is narrower than the least width.
+    bars_under : for each bar of the histogram of widths, whether it is below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member
@@ -254,7 +245,9 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # a bar ends at the least width
+        "bars_under": below_limit(
+            (limits[1:] + limits[:-1]) / 2, least
+        ).tolist(),  # the least width is a border between two bars
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": draft.statics.equilibrium.compliance,

@@ -11,15 +11,15 @@ from typing import Any
 
 from dsfab.core.errors import DsfabError
 
-ReportProgress = Callable[[str, str], None]  # Report of a stage and its work.
+ReportProgress = Callable[[str, str], None]  # Function that reports a stage and its work.
 
 
 class Cancelled(Exception):  # noqa: N818  # no error
-    """Raised in the worker at the next progress after a job was cancelled."""
+    """Raised in the worker at its next report after the user has cancelled the job."""
 
 
 class JobProgress:
-    """Progress of a job. A report, or `check` without a report, raises Cancelled after a cancellation of the job."""
+    """Progress of a job. A call reports a stage and its work; after a cancellation the call raises Cancelled."""
 
     def __init__(self, stop: threading.Event, tell: ReportProgress) -> None:
         self._stop, self._tell = stop, tell
@@ -29,17 +29,19 @@ class JobProgress:
         self._tell(stage, text)
 
     def check(self) -> None:
-        """Raise Cancelled once the job is cancelled."""
+        """Raise Cancelled if the user has cancelled the job."""
         if self._stop.is_set():
             raise Cancelled
 
 
-Work = Callable[[JobProgress], dict[str, Any]]  # A job's function: progress -> facts.
+Work = Callable[
+    [JobProgress], dict[str, Any]
+]  # Function of a job: it takes the progress and returns facts for the page.
 
 
 @dataclass(eq=False)
 class EditorJob:
-    """A job. state: waiting, running, done, failed or cancelled."""
+    """A job of the editor. state : waiting, running, done, failed or cancelled."""
 
     number: int
     kind: str
@@ -63,12 +65,11 @@ class EditorJob:
 
 
 log = logging.getLogger(__name__)
-
-CANCEL_SECONDS = 0.5  # Longest seconds from a cancellation to the next progress; the editor abandons a slower thread.
+CANCEL_SECONDS = 0.5  # The editor abandons a thread that makes no report for so long after a cancellation.
 
 
 class Jobs:
-    """Workers, a waiting job for each kind, and listeners to jobs; use as `with Jobs() as jobs`."""
+    """Worker threads of the editor, one for each kind of job; use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -95,7 +96,7 @@ class Jobs:
             worker.join(timeout=5)
 
     def submit(self, kind: str, work: Work) -> int:
-        """Run `work` as soon as possible, in place of an older job of the same kind. Returns the job's number."""
+        """Run `work` in the worker of its kind, in place of an older job of this kind; return the job's number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
@@ -112,7 +113,7 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Cancel a waiting or running job; return whether such a job existed."""
+        """Cancel a job; return False if it is neither waiting nor running."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
@@ -132,20 +133,20 @@ class Jobs:
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Return whether a job is waiting or running, and not cancelled."""
+        """Return whether a job is waiting or running, and nobody has cancelled it."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue with records of jobs and a final None. End it with `remove_listener`."""
+        """Return a queue with records of all further changes of jobs; a final None ends it."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
     def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """Remove a listener."""
+        """End the records for a queue of `add_listener`."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
@@ -166,7 +167,7 @@ class Jobs:
 
     def _start_worker(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
-        worker.start()  # an interrupt may come here, and __exit__ must join started threads only
+        worker.start()  # if an interrupt comes here, __exit__ joins only started threads
         self._workers[kind] = worker
 
     def _loop(self, kind: str) -> None:
@@ -197,7 +198,7 @@ class Jobs:
             state, text = "cancelled", "cancelled"
         except DsfabError as error:
             state, text = "failed", str(error)
-        except Exception as error:  # the worker must go on; the user sees the message
+        except Exception as error:  # the worker continues, and the user sees the message
             log.exception("job %d", job.number)
             state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
         with self._wake:
@@ -215,5 +216,5 @@ class Jobs:
     def _notify(self, job: EditorJob) -> None:
         record = job.record()
         for listener in self._listeners:
-            with suppress(queue.Full):  # a full queue belongs to a listener that has gone
+            with suppress(queue.Full):  # the reader of a full queue has gone
                 listener.put_nowait(record)

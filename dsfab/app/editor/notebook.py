@@ -21,10 +21,10 @@ def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640)
         editor.changes = {"pattern.major.frequency": 12.0}  # the page follows; sliders change it too
         design = dsfab.run(editor.preset)                   # the design on the page
 
-    target : a preset, the name of a shipped one, or the path of a TOML or a mesh file; or a design or a draft, whose
-             stages are not solved again. height : of the widget, pixels.
-    Raises DsfabError for other targets, and without anywidget.
-    """
+    target : a preset, the name of a shipped preset, the path of a TOML or mesh file, or a design or draft, whose stages
+             are not solved again.
+    height : height of the widget, pixels.
+    Raises DsfabError for another target, and without the package anywidget."""
     try:
         from dsfab.app.editor.widget import Editor
     except ImportError:

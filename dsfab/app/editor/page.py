@@ -1,4 +1,4 @@
-"""The static files of the page, and the requests that it may send to a session."""
+"""The static files of the page, and the requests that the page may send to a session."""
 
 import base64
 import gzip
@@ -17,14 +17,14 @@ from dsfab.core.errors import DsfabError
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 HTTP, NOTEBOOK, WIDGET = "transport.js", "transport_notebook.js", "widget.js"
-"""Modules that connect the page with a server or with a notebook, and the module that opens it in a notebook."""
+"""Modules of the page: its connection to a server, its connection to a notebook, and its start in a notebook."""
 
 _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
-"""A relative import of a module of the page."""
+"""Pattern of a relative import in a module of the page."""
 
 
 def static_files() -> dict[str, bytes]:
-    """Return every file of the page by its path in the address."""
+    """Return the content of every file of the page, by its path below `/static/`."""
     contents, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
     while folders:
         prefix, folder = folders.pop()
@@ -37,8 +37,8 @@ def static_files() -> dict[str, bytes]:
 
 
 def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
-    """Return index.html with the token of this run, and the policy (CSP) that allows our own files only.
-    The page loads all modules in advance, because modules import each other and requests would form a chain."""
+    """Return index.html with the token of this run, and a security policy (CSP) that allows only files of this server.
+    The page requests all modules at once; otherwise each import would wait for another import."""
     nonce = secrets.token_urlsafe(12)
     policy = (
         f"default-src 'none'; script-src 'self' 'nonce-{nonce}'; style-src 'self'; connect-src 'self'; "
@@ -51,11 +51,10 @@ def index_page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 
 
 def widget_module() -> str:
-    """Return the whole page as one module for anywidget: widget.js with the other files packed into it.
+    """Return the whole page as one module for anywidget: widget.js with all other files packed into it.
 
-    Relative imports do not work there: './x.js' becomes 'dsfab/x.js', a name of the page's import map (HTML Standard).
-    The notebook's transport replaces the server's under the same name.
-    """
+    Relative imports do not work in a packed module: './x.js' becomes 'dsfab/x.js', a name of the page's import map
+    [HTML Standard]. The notebook's transport module takes the name of the server's transport module."""
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
     modules[HTTP] = modules.pop(NOTEBOOK)
@@ -71,18 +70,17 @@ def _with_absolute_imports(name: str, text: str) -> str:
 
 
 SMALLEST, WIDEST = 64, 2400  # Limits on the sides of a picture, pixels.
-
 RequestFields = Mapping[str, Any]
 
 
 class RequestError(DsfabError):
-    """A request that the page never sends: a field is missing or has another type."""
+    """A request that the page never sends: a field is missing or has a wrong type."""
 
 
 def _required_field(fields: RequestFields, name: str, kind: type) -> Any:
     value = fields.get(name)
     if not isinstance(value, kind):
-        raise RequestError(f"{name} is missing or of another type")
+        raise RequestError(f"the field {name} of the request is missing or has a wrong type; reload the page")
     return value
 
 
@@ -91,30 +89,22 @@ def _changes_field(fields: RequestFields) -> RequestFields:
     return changes
 
 
-def _handle_build(session: Session, fields: RequestFields) -> RequestFields:
-    return session.ask_build(_changes_field(fields), bool(fields.get("replace", False)))
-
-
 def _handle_export(session: Session, fields: RequestFields) -> RequestFields:
-    return session.ask_build(
-        _changes_field(fields), bool(fields.get("replace", False)), _required_field(fields, "format", str)
-    )
+    changes, suffix = _changes_field(fields), _required_field(fields, "format", str)
+    return session.ask_build(changes, bool(fields.get("replace", False)), suffix)
 
 
 def _handle_picture(session: Session, fields: RequestFields) -> RequestFields:
     size = _required_field(fields, "size", list)
     if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
-        raise RequestError(f"size is two numbers of pixels from {SMALLEST} to {WIDEST}")
+        raise RequestError(f"the field size of the request must be two numbers of pixels from {SMALLEST} to {WIDEST}")
     show, view = _required_field(fields, "show", str), _required_field(fields, "view", str)
     return {"job": session.ask_picture(_changes_field(fields), view, show, (size[0], size[1]))}
 
 
 def _handle_keep(session: Session, fields: RequestFields) -> RequestFields:
-    name, picture, figures = (
-        _required_field(fields, "name", str),
-        _required_field(fields, "picture", str),
-        _required_field(fields, "figures", dict),
-    )
+    kinds = {"name": str, "picture": str, "figures": dict}
+    name, picture, figures = (_required_field(fields, key, kind) for key, kind in kinds.items())
     session.variants.keep(KeptVariant(name, session.current_preset, _changes_field(fields), picture, figures))
     return {"variants": session.variants.records()}
 
@@ -132,7 +122,7 @@ def _handle_drop(session: Session, fields: RequestFields) -> RequestFields:
 def _handle_compare(session: Session, fields: RequestFields) -> RequestFields:
     numbers = _required_field(fields, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
-        raise RequestError("variants are one or two numbers")
+        raise RequestError("the field variants of the request must be one or two numbers")
     presets = [session.variants[number].preset for number in numbers]
     before, after = (*presets, session.current_preset.preset_with(_changes_field(fields)))[:2]
     return {"differences": differences(before, after)}
@@ -145,15 +135,13 @@ def _handle_open(session: Session, fields: RequestFields) -> RequestFields:
         return session.open_toml(_required_field(fields, "toml", str))
     if "variant" in fields:
         return session.open_variant(_required_field(fields, "variant", int))
-    unit = fields.get("unit")
-    return session.ask_mesh(
-        _required_field(fields, "name", str), str(unit) if unit else None, _required_field(fields, "data", str)
-    )
+    name, data, unit = _required_field(fields, "name", str), _required_field(fields, "data", str), fields.get("unit")
+    return session.ask_mesh(name, str(unit) if unit else None, data)
 
 
 HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "solve": lambda session, given: {"job": session.ask_solve(_changes_field(given))},
-    "build": _handle_build,
+    "build": lambda session, given: session.ask_build(_changes_field(given), bool(given.get("replace", False))),
     "export": _handle_export,
     "formats": lambda session, given: {"formats": offered_formats()},
     "picture": _handle_picture,
@@ -167,4 +155,4 @@ HANDLERS: dict[str, Callable[[Session, RequestFields], RequestFields]] = {
     "compare": _handle_compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_required_field(given, "job", int))},
 }
-"""Handlers of requests. Each raises DsfabError with a sentence for the user and returns data for JSON."""
+"""Functions that answer a request by its name, with data for JSON. Each raises DsfabError with a sentence."""

@@ -1,7 +1,7 @@
-"""HTTP server of the editor on this machine alone, with the standard library.
+"""HTTP server of the editor, for this machine alone; it needs only the standard library.
 
-A page of another site can make a browser send requests here. So every request must name this server as its host and
-carry the token of this run. A request from a page must come from the editor's page. A POST must have a JSON body.
+A page of another site can make a browser send requests to this server. So every request must name this server as its
+host and carry the token of this run. A request from a page must come from the editor's page. A POST must contain JSON.
 """
 
 import hmac
@@ -19,14 +19,12 @@ from dsfab.app.editor.session import Session
 from dsfab.core.errors import DsfabError
 
 log = logging.getLogger(__name__)
-
 LOOPBACK = "127.0.0.1"
-
-LARGEST = 96 * 2**20  # Largest number of bytes of a request: a mesh of some million triangles.
+LARGEST = 96 * 2**20  # Largest number of bytes of a request, enough for a mesh of a million triangles.
 
 
 class RefusedRequest(Exception):  # noqa: N818  # no error of the server
-    """A refused request: status and sentence."""
+    """A refused request, with its HTTP status and a sentence."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
@@ -34,10 +32,10 @@ class RefusedRequest(Exception):  # noqa: N818  # no error of the server
 
 
 class EditorServer(ThreadingHTTPServer):
-    """Serves one session; `address` opens it in a browser."""
+    """Server of one session; a browser opens its `address`."""
 
     daemon_threads = True
-    request_queue_size = 256  # number of waiting connections, because each page loads dozens of files at once
+    request_queue_size = 256  # waiting connections: each page loads dozens of files at once
     allow_reuse_address = False  # on Windows True would let another program take the port too
 
     def __init__(self, session: Session, port: int = 0) -> None:
@@ -48,17 +46,17 @@ class EditorServer(ThreadingHTTPServer):
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection without a message, because browsers often reset connections."""
+        """Log a broken connection quietly, because browsers often reset connections."""
         log.debug("connection of %s", client_address, exc_info=True)
 
     @property
     def address(self) -> str:
-        """Address with the token of this run, which gives access to the editor."""
+        """Address of the page with the token of this run; whoever has the token may use the editor."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/?token={self.token}"
 
 
 class EditorHandler(BaseHTTPRequestHandler):
-    """Handler of a connection."""
+    """Handler of a connection to the editor."""
 
     server: EditorServer
     protocol_version = "HTTP/1.1"
@@ -68,11 +66,9 @@ class EditorHandler(BaseHTTPRequestHandler):
     disable_nagle_algorithm = True  # else a body waits up to 40 ms for the browser's acknowledgement of the head
 
     def do_GET(self) -> None:
-        """Answer a GET."""
         self._guard(self._get)
 
     def do_POST(self) -> None:
-        """Answer a POST."""
         self._guard(self._post)
 
     def log_message(self, format: str, *args: object) -> None:
@@ -97,7 +93,7 @@ class EditorHandler(BaseHTTPRequestHandler):
             self._json({"error": str(error)}, HTTPStatus.BAD_REQUEST)
         except DsfabError as error:
             self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
-        except Exception as error:  # the server goes on
+        except Exception as error:  # the server continues after a bug
             log.exception("%s", self.path)
             self.close_connection = True
             mistake = f"dsfab made a mistake ({type(error).__name__}); please report it"
@@ -105,16 +101,22 @@ class EditorHandler(BaseHTTPRequestHandler):
 
     def _check_host(self) -> None:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
-            raise RefusedRequest(HTTPStatus.FORBIDDEN, "this server answers for its own address only")
+            raise RefusedRequest(
+                HTTPStatus.FORBIDDEN,
+                "this server answers only at its own address; open the address that dsfab edit printed",
+            )
         origin = self.headers.get("Origin")
         if origin is not None and urlsplit(origin).netloc.lower() not in self.server.hosts:
-            raise RefusedRequest(HTTPStatus.FORBIDDEN, "this server answers its own page only")
+            raise RefusedRequest(
+                HTTPStatus.FORBIDDEN,
+                "this server answers only the page of dsfab edit; open the address that dsfab edit printed",
+            )
 
     def _check_token(self, query: Mapping[str, list[str]]) -> None:
         token = self.headers.get("X-Dsfab-Token") or query.get("token", [""])[0]
         if not hmac.compare_digest(token.encode(), self.server.token.encode()):
             raise RefusedRequest(
-                HTTPStatus.FORBIDDEN, "open the address that dsfab edit printed: it has the key of this run"
+                HTTPStatus.FORBIDDEN, "the address has no valid token; open the address that dsfab edit printed"
             )
 
     def _get(self) -> None:
@@ -139,32 +141,37 @@ class EditorHandler(BaseHTTPRequestHandler):
         elif parts.path == "/api/file":
             self._file(_number_field(query, "build"), _number_field(query, "index"))
         else:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
 
     def _post(self) -> None:
         parts = urlsplit(self.path)
         self._check_token(parse_qs(parts.query))
         if self.headers.get_content_type() != "application/json":
-            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "send application/json")
+            raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "the request is not of the type application/json")
         handle = HANDLERS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
         if handle is None:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
         self._json(handle(self.server.session, self._body()))
 
     def _body(self) -> RequestFields:
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 19):
-            raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
+            raise RefusedRequest(HTTPStatus.LENGTH_REQUIRED, "the request states no length; send a Content-Length")
         if int(length) > LARGEST:
             raise RefusedRequest(
-                HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser"
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+                f"the request is larger than {LARGEST >> 20} MB; make the mesh coarser",
             )
         try:
             body = json.loads(self.rfile.read(int(length)))
         except (ValueError, RecursionError):
-            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "that is not JSON") from None
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "the request is not JSON") from None
         if not isinstance(body, dict):
-            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "send an object")
+            raise RefusedRequest(HTTPStatus.BAD_REQUEST, "the request is not a JSON object")
         return body
 
     def _page(self) -> None:
@@ -174,18 +181,18 @@ class EditorHandler(BaseHTTPRequestHandler):
     def _static(self, name: str) -> None:
         content = self.server.static.get(name)
         if content is None or name == "index.html":
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "there is nothing here")
+            raise RefusedRequest(
+                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
+            )
         kind = KINDS.get("." + name.rpartition(".")[2], "text/plain")
         self._bytes(content, f"{kind}; charset=utf-8")
 
     def _file(self, build: int, index: int) -> None:
         path = self.server.session.builds.file(build, index)
         if path is None:
-            raise RefusedRequest(HTTPStatus.NOT_FOUND, "that file was not built")
-        name = quote(path.name)
-        self._bytes(
-            path.read_bytes(), "application/octet-stream", {"Content-Disposition": f"attachment; filename={name}"}
-        )
+            raise RefusedRequest(HTTPStatus.NOT_FOUND, "this build has no such file; build again")
+        attachment = {"Content-Disposition": f"attachment; filename={quote(path.name)}"}
+        self._bytes(path.read_bytes(), "application/octet-stream", attachment)
 
     def _events(self) -> None:
         jobs = self.server.session.jobs
@@ -197,7 +204,7 @@ class EditorHandler(BaseHTTPRequestHandler):
             self.wfile.write(b": here\n\n")
             while True:
                 try:
-                    news = listener.get(timeout=15)  # after 15 s a line tests the connection
+                    news = listener.get(timeout=15)  # every 15 s a line tests the connection
                 except queue.Empty:
                     self.wfile.write(b": still here\n\n")
                     continue
@@ -241,5 +248,5 @@ class EditorHandler(BaseHTTPRequestHandler):
 def _number_field(query: Mapping[str, list[str]], name: str) -> int:
     text = query.get(name, ["0"])[0]
     if not (text.isascii() and text.isdigit() and len(text) < 10):
-        raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name} is a number")
+        raise RefusedRequest(HTTPStatus.BAD_REQUEST, f"{name} must be a number")
     return int(text)

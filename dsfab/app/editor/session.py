@@ -1,4 +1,4 @@
-"""The state behind a page of the editor, independent of HTTP."""
+"""Session of the editor: the state behind its page, independent of HTTP."""
 
 import base64
 import binascii
@@ -13,9 +13,17 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from dsfab.app.editor.building import BuildRequest, Builds, open_mesh_in_process
+from dsfab.app.editor.building import BuildRequest, Builds, draw_png, open_mesh_in_process
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.drafts import colour_scales, draft_model, pack_message, pattern_widths
+from dsfab.app.editor.drafts import (
+    colour_scales,
+    cut_sheet_arrays,
+    draft_model,
+    pack_message,
+    pattern_widths,
+    sheet_figures,
+    tidied_cut,
+)
 from dsfab.app.editor.jobs import JobProgress, Jobs
 from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, VariantTray, opened_shipped, saved_preset
 from dsfab.app.export import format_suffix
@@ -37,9 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft with its number. `version` changes with all data except the stripes; the page keeps data of its
-    version.
-    """
+    """A draft that the page shows. `version` stays equal while only stripes change; the page then keeps its data."""
 
     draft: Design
     number: int
@@ -49,7 +55,7 @@ class SessionView:
 
 class Session:
     """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
-    made    : a draft of the first preset, which the page shows at once.
+    drafted : a draft of the first preset, which the page shows at once.
     outputs : folder of builds and its name; with None, builds go into a temporary folder of the session."""
 
     def __init__(self, opened: OpenedPreset, drafted: Design | None = None, outputs: Outputs | None = None) -> None:
@@ -84,7 +90,7 @@ class Session:
             return self._opened
 
     def start(self) -> dict[str, Any]:
-        """Return the facts that the page needs before the first solution."""
+        """Return the facts for the page before the first solution."""
         with self._lock:
             opened, number = self._opened, self._opening
         return {
@@ -107,26 +113,28 @@ class Session:
         return self._set_opened(opened_shipped(name))
 
     def open_toml(self, text: str) -> dict[str, Any]:
-        """Open a preset file that the page sends."""
+        """Open the text of a preset file from the page."""
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Return to a variant; `changes` are the differences from the preset that is open after this call."""
+        """Open a variant; the key `changes` has its differences from the preset that is then open."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
             return {**(self.start() if is_open else self._set_opened(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """Start a job that opens a mesh from the page, base64; the session chooses the file's name on this machine.
-        Another process reads the mesh, so that the page continues and the user may cancel."""
+        """Start a job that opens a mesh file from the page; `data` is its content in base64. Raises DsfabError.
+        Another process reads the mesh, so that the user may cancel."""
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
-            raise DsfabError(f"{Path(name).name} is no mesh that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}")
+            raise DsfabError(
+                f"{Path(name).name} is not a mesh file that dsfab reads; use one of {', '.join(MESH_SUFFIXES)}"
+            )
         try:
             content = base64.b64decode(data, validate=True)
         except (binascii.Error, ValueError):
-            raise DsfabError("the mesh did not arrive whole; drop it again") from None
+            raise DsfabError("the mesh file did not arrive completely; drop the file on the page again") from None
         path = Path(self._folder.name) / f"mesh-{next(self._meshes)}{suffix}"
         path.write_bytes(content)
         request = MeshRequest(path, Path(name).name, unit)
@@ -147,13 +155,13 @@ class Session:
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
-        """Return the changed preset as a file."""
+        """Return the changed preset as the name and the text of a file."""
         opened = self.current_preset
         return {"name": f"{opened.preset_with(changes).name}.toml", "toml": opened.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """Return the command of the build and the name of its preset file.
-        The file is saved on this machine, or the page must save it first."""
+        """Return the command of the build, and the place of its preset file if the session has saved this file.
+        `save` is True if the page must offer the preset file to the user."""
         opened, outputs = self.current_preset, self.builds.outputs
         command, save = opened.command(changes)
         if not (save and outputs.label):
@@ -163,9 +171,8 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves these changes and measures the design; return the running job if it has the same
-        changes.
-        """
+        """Start a job that solves the changed preset and measures the design; a running job of equal changes
+        continues."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -176,11 +183,9 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that makes the solid and its files. Return a question instead if it would `replace` files
-        without permission.
-
-        only : a single format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
-        """
+        """Start a job that writes the files of a build, or return a question before files are replaced without
+        permission.
+        only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
         if only:
@@ -191,20 +196,21 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures the last draft's members; judged: with utilisation. Raises DsfabError."""
+        """Start a job that names and measures members, with utilisation if `judged`. Raises DsfabError without a
+        draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("nothing is solved yet")
+            raise DsfabError("the design has no solution yet; wait for its first picture")
         return self.jobs.submit("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
-        """Start a job that draws the structure here, for browsers without WebGL."""
+        """Start a job that draws the structure on this machine, for browsers without WebGL."""
         preset = self.current_preset.preset_with(changes)
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first draft, for a new page; empty if neither is coming."""
+        """Return the last draft, or a sketch of the first draft, for a new page; empty if no draft is on its way."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -213,26 +219,20 @@ class Session:
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """Return the last draft, for a page that has version `have`. Raises DsfabError before the first draft."""
+        """Return the last draft for a page that has version `have`. Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
-            raise DsfabError("nothing is solved yet")
+            raise DsfabError("the design has no solution yet; wait for its first picture")
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the measured cut sheet of a draft (`drafts.cut_sheet_arrays`); empty for any other than the last
-        draft.
-        """
-        from dsfab.app.editor.drafts import cut_sheet_arrays
-
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of another draft."""
         with self._lock:
             latest_cut = self._cut
-        return (
-            pack_message({}, cut_sheet_arrays(latest_cut[0].draft, latest_cut[1]))
-            if latest_cut and latest_cut[0].number == draft
-            else b""
-        )
+        if not latest_cut or latest_cut[0].number != draft:
+            return b""
+        return pack_message({}, cut_sheet_arrays(latest_cut[0].draft, latest_cut[1]))
 
     def _model(self, shown: SessionView, have: int) -> bytes:
         facts, arrays = pattern_widths(shown.draft)
@@ -245,9 +245,7 @@ class Session:
         return pack_message(facts, arrays)
 
     def _model_of_version(self, shown: SessionView) -> Packed:
-        """Return the result of `model` for a version; the session keeps the last result, because pages may load it
-        again.
-        """
+        """Return the arrays of a version; the session keeps the last result, because several pages may load it."""
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
                 self._kept = shown.version, draft_model(shown.draft)
@@ -257,11 +255,11 @@ class Session:
         with self._lock:
             earlier, opening = self._shown, self._opening
         design = Design.from_preset(preset, earlier.draft if earlier else None, progress)
-        if earlier is None and (sketch := design.sketch()):  # a new page shows the sketch until the widths are ready
+        if earlier is None and (sketch := design.sketch()):  # a new page shows the sketch first
             with self._lock:
                 self._sketched = self._next_view(sketch, opening)
         solved = design.until("pattern")
-        progress("pattern", "handing over")  # a cancellation is possible here for the last time
+        progress("pattern", "handing over")  # last chance for a cancellation
         with self._lock:
             self._shown = shown = self._next_view(solved, opening)
             self._sketched = None
@@ -276,8 +274,6 @@ class Session:
         return SessionView(draft, earlier.number + 1, earlier.version if is_same else earlier.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.drafts import sheet_figures, tidied_cut
-
         cut, notes = tidied_cut(shown.draft, progress)
         progress("slicing", "measuring members")
         measures = sheet_figures(shown.draft, cut, notes)
@@ -300,24 +296,17 @@ class Session:
     def _picture(
         self, preset: Preset, view: str, show: str, size: tuple[int, int], progress: JobProgress
     ) -> dict[str, Any]:
-        from dsfab.app.editor.building import draw_png
-
         with self._lock:
-            earlier = self._shown
-        return {
-            "png": base64.b64encode(
-                draw_png(preset, earlier.draft if earlier else None, view, show, size, progress)
-            ).decode()
-        }
+            earlier = self._shown.draft if self._shown else None
+        return {"png": base64.b64encode(draw_png(preset, earlier, view, show, size, progress)).decode()}
 
 
 def _same_model(draft: Design, earlier: Design) -> bool:
-    """True if drafts differ only in widths or in the choice of modes, so that `model` returns the same."""
+    """Return True if two drafts differ only in widths or in the choice of modes: their pages share all other data."""
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    if draft.statics is not earlier.statics:  # the statics of a sketch may be rough
+    # the statics of a sketch may be rough
+    if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
-    return draft.diffusion is earlier.diffusion and StripedMesh.from_design(draft).is_same_mesh(
-        StripedMesh.from_design(earlier)
-    )
+    return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

@@ -1,4 +1,4 @@
-"""`Editor`: the page as an anywidget, which needs the extra `notebook`."""
+"""`Editor`: the page of the editor as a notebook widget, which needs the extra `notebook`."""
 
 import queue
 import threading
@@ -18,12 +18,11 @@ from dsfab.preset.model import Preset
 
 
 class Editor(anywidget.AnyWidget):
-    """A preset that the user's mouse and Python change together.
+    """A preset that the user changes by the mouse and by Python.
 
-    changes : differences from the open preset, by dotted keys; assign it as a whole. Raises PresetError.
-    view    : sides, colours and layers of the page, in its own format.
-    height  : pixels.
-    """
+    changes : differences from the open preset, by dotted keys; assign a new dict. Raises PresetError.
+    view    : sides, colours and layers of the page, in the page's own format.
+    height  : height of the widget, pixels."""
 
     changes = traitlets.Dict().tag(sync=True)
     view = traitlets.Dict().tag(sync=True)
@@ -43,12 +42,13 @@ class Editor(anywidget.AnyWidget):
 
     @property
     def preset(self) -> Preset:
-        """The preset on the page. Raises PresetError for impossible changes."""
+        """The preset on the page. Raises PresetError for invalid changes."""
         return self._session.current_preset.preset_with(self.changes)
 
     @property
     def files(self) -> list[Path]:
-        """Files of the last build, those of the preset's formats first; closing the widget or Python removes them."""
+        """Files of the last build, first those in the preset's formats. They exist until the widget or Python
+        closes."""
         return self._session.builds.latest
 
     def close(self) -> None:
@@ -57,7 +57,7 @@ class Editor(anywidget.AnyWidget):
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """Take changes from the page. This method raises no errors, because the page shows them itself."""
+        """Take changes from the page without an error, because the page shows errors itself."""
         self._heard = True
         try:
             super().set_state(sync_data)
@@ -93,10 +93,10 @@ class Editor(anywidget.AnyWidget):
         if name == "file":
             path = self._session.builds.file(int(fields.get("build", 0)), int(fields.get("index", 0)))
             if path is None:
-                raise DsfabError("that file was not built")
+                raise DsfabError("this build has no such file; build again")
             return path.read_bytes()
         if name not in HANDLERS:
-            raise DsfabError("there is nothing here")
+            raise DsfabError(f"the editor has no request {name!r}; reload the page")
         return HANDLERS[name](self._session, fields)
 
     def _forward_news(self, news: "queue.Queue[dict[str, Any] | None]") -> None:

@@ -1,6 +1,7 @@
-"""The workspace of the editor: the open preset, the kept variants, and the output folder."""
+"""Workspace of the editor: the open preset, the variants, and the output folder."""
 
 import itertools
+import json
 import re
 import shlex
 import shutil
@@ -23,35 +24,35 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 class Outputs:
     """Folders in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
-    shown : name of `home` for the user and on a command line; '' for the session's temporary folder."""
+    label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
         self.home, self.label = home, shown
         self._ours: set[Path] = set()
 
     def folder(self, name: str) -> Path:
-        """Return the folder of a name. Raises DsfabError for an invalid name or a name that leads to another place."""
+        """Return the folder of a name. Raises DsfabError for a name that is invalid or leads outside `home`."""
         folder = self.home / name
         if not _PLAIN.fullmatch(name) or folder.resolve().parent != self.home.resolve():
             raise DsfabError(
-                f"{name!r} is no name of a folder in {self.label or 'the outputs'}; use letters and digits"
+                f"{name!r} is not a valid name of a folder in {self.label or 'the outputs'}; use letters and digits"
             )
         return folder
 
     def foreign_files(self, name: str) -> int:
-        """Return the number of files from an earlier run or another program in the folder of a name."""
+        """Return how many files in the folder of a name come from an earlier session or another program."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free_name(self, name: str) -> str:
-        """Return the name, or the first of name-2, name-3 ... whose folder has no foreign files."""
+        """Return the first of `name`, name-2, name-3 ... whose folder has no foreign files."""
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files of a folder to the folder of the name, replacing files of equal names. Returns the folder.
-        Raises DsfabError if dsfab cannot write there."""
+        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError on
+        failure."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -60,9 +61,8 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml beside the folders, or NAME-2.toml if a different NAME.toml exists; return the path.
-        Raises DsfabError.
-        """
+        """Write NAME.toml beside the folders, or NAME-2.toml if NAME.toml exists; return the path. Raises
+        DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -84,14 +84,14 @@ def _may_write(path: Path, content: bytes) -> bool:
     return not path.exists() or (path.is_file() and path.read_bytes() == content)
 
 
-MATERIAL = "statics.material"  # Key that decides the thickness of a proposal.
+MATERIAL = "statics.material"  # Key whose value decides the thickness in a proposal.
 
 
 @dataclass(frozen=True)
 class OpenedPreset:
     """A preset and its origin.
-    words   : words between `dsfab build` and the changes; empty for a preset that only the page has.
-    mesh    : the user's name of a mesh from the page; its file on this machine is a copy.
+    words   : words of the command line after `dsfab build`; empty for a preset that only the page has.
+    mesh    : the user's name for a mesh file from the page; the file on this machine is a copy.
     decided : decisions of `dsfab new` for a mesh."""
 
     preset: Preset
@@ -100,30 +100,32 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys.
-        Raises PresetError for impossible values and for new paths, because the page must not choose files on this
-        machine."""
+        """Return the preset with new values at dotted keys. Raises PresetError for an invalid value or a new path."""
         preset = with_overrides(self.preset, changes)
-        if _mesh_file(preset) != _mesh_file(self.preset):
-            raise PresetError("surface.file cannot be changed from the page; drop the mesh on it, or dsfab edit MESH")
+        if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
+            raise PresetError(
+                "the page cannot change surface.file; drop the mesh file on the page, or run dsfab edit MESH"
+            )
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
-            raise PresetError(f"{_file_names(unknown_drawings)}: the page names no drawing; name it in a preset's file")
+            raise PresetError(
+                f"{_file_names(unknown_drawings)}: the page cannot add a drawing; name the drawing in a preset file"
+            )
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
-        """Return the changed preset as a file; a mesh from the page has its original name."""
+        """Return the changed preset as TOML, with the user's name for a mesh from the page."""
         preset = self.preset_with(changes)
         return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
 
     @property
     def page_mesh(self) -> Path | None:
-        """The copy of a mesh from the page, which the session removes at its end."""
+        """The copy of a mesh file from the page; the session removes it at its end."""
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """Return the command that builds the changed preset, and whether the preset must be saved first."""
+        """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # the command would change the thickness
+        if self.words and self.decided and MATERIAL in changes:  # else the new material would also change the thickness
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -133,8 +135,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page; its mesh can only be the mesh that is already open.
-        Raises PresetError as `load_preset` does, and for any other mesh."""
+        """Open a preset file from the page. Raises PresetError as `load_preset` does, and without its mesh."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -145,7 +146,7 @@ class OpenedPreset:
             known_names = {str(open_mesh), self.mesh, open_mesh.name} if open_mesh else set()
             if file_named not in known_names:
                 raise PresetError(
-                    f"the preset is for the mesh {Path(file_named).name}: drop that mesh on the page first, then "
+                    f"the preset needs the mesh file {Path(file_named).name}; drop that file on the page first, then "
                     "the preset"
                 )
             surface["file"], mesh = str(open_mesh), self.mesh
@@ -153,19 +154,19 @@ class OpenedPreset:
         preset = preset_from(values)
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
             raise PresetError(
-                f"the preset is for the drawing {_file_names(unknown_drawings)}: open it with dsfab edit FILE.toml"
+                f"the preset needs the drawing {_file_names(unknown_drawings)}; open it with dsfab edit FILE.toml"
             )
         return OpenedPreset(preset, (), mesh, self.decided if mesh else ())
 
 
 def with_file(preset: Preset, file: Path) -> Preset:
-    """Return the preset with its mesh in a different file."""
+    """Return the preset with the path of another mesh file."""
     return preset.model_copy(update={"surface": preset.surface.model_copy(update={"file": file})})
 
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset among the outputs, with a mesh from the page beside the preset; return its path.
-    Raises PresetError for impossible changes, DsfabError if dsfab cannot write the file."""
+    """Save the changed preset among the outputs, with its mesh file; return the path of the preset. Raises
+    DsfabError."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
@@ -173,18 +174,16 @@ def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outp
 
 
 def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
-    """Open a shipped preset by its name, or a preset file or a mesh file by its path, as `dsfab build` does.
-
+    """Open a shipped preset by its name, or a preset file or mesh file by its path, as `dsfab build` does.
     source : changes of the command line.
-    Raises DsfabError for other targets, and for a preset without its mesh.
-    """
+    Raises DsfabError for another target, and for a preset without its mesh."""
     proposal = source.proposal(target)
     preset = source.read_preset(target, proposal)
     return OpenedPreset(preset, tuple(source.command_words(target)), "", proposal.decisions if proposal else ())
 
 
 def opened_shipped(name: str) -> OpenedPreset:
-    """Open a shipped preset by its name. Raises PresetError for unknown names and for paths."""
+    """Open a shipped preset by its name. Raises PresetError for an unknown name and for a path."""
     if name not in shipped_presets():
         raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped_presets())}")
     return OpenedPreset(load_preset(name), (name,))
@@ -200,7 +199,7 @@ class MeshRequest:
 
 
 def opened_mesh(request: MeshRequest) -> OpenedPreset:
-    """Open a mesh with the preset `dsfab new` proposes; raises SurfaceError, with the user's name for the file."""
+    """Open a mesh with the preset that `dsfab new` proposes. Raises SurfaceError with the user's name for the file."""
     try:
         proposal = propose(request.path, request.unit)
     except DsfabError as error:
@@ -218,8 +217,6 @@ def _inline_toml(value: Any) -> str:
         return "{" + ", ".join(f"{key} = {_inline_toml(part)}" for key, part in value.items()) + "}"
     if isinstance(value, list):
         return "[" + ", ".join(map(_inline_toml, value)) + "]"
-    import json
-
     return json.dumps(value)
 
 
@@ -239,13 +236,12 @@ def _mesh_file(preset: Preset) -> Path | None:
 
 MAX_VARIANTS = 48  # Largest number of variants in a session.
 LARGEST = 2 * 2**20  # Largest number of characters of a picture.
-
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 
 @dataclass(frozen=True)
 class KeptVariant:
-    """An open preset, the user's changes, its picture, and its figures by name, None if not measured."""
+    """A variant: the open preset, the user's changes, a picture, and measures by name; None if not measured."""
 
     name: str
     opened: OpenedPreset
@@ -260,16 +256,15 @@ class KeptVariant:
 
 
 class VariantTray:
-    """Variants by number, oldest first; the session drops them at its end."""
+    """Variants by number, oldest first; they exist until the session ends."""
 
     def __init__(self) -> None:
         self._all: dict[int, KeptVariant] = {}
         self._numbers = itertools.count(1)
 
     def __getitem__(self, number: int) -> KeptVariant:
-        """Raise DsfabError for an unknown number."""
         if number not in self._all:
-            raise DsfabError("that variant is not kept any more")
+            raise DsfabError(f"variant {number} does not exist any more")
         return self._all[number]
 
     def records(self) -> list[dict[str, Any]]:
@@ -280,18 +275,18 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; without a name, its number is its name. Raises DsfabError for invalid or too many variants."""
+        """Add a variant; without a name, it is called by its number. Raises DsfabError for an invalid variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
-            raise DsfabError(f"{MAX_VARIANTS} variants are kept already; remove one first")
+            raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")
         if variant.picture and not (variant.picture.startswith("data:image/") and len(variant.picture) <= LARGEST):
-            raise DsfabError("the picture of the variant did not arrive whole; keep it again")
+            raise DsfabError("the picture of the variant did not arrive completely; keep the variant again")
         number = next(self._numbers)
         figures = {name: variant.figures.get(name) for name in FIGURES}
         self._all[number] = replace(variant, name=_short_name(variant.name) or f"Variant {number}", figures=figures)
 
     def rename(self, number: int, name: str) -> None:
-        """Change the name of a variant, unless the new one is empty. Raises DsfabError for an unknown number."""
+        """Change the name of a variant; an empty name changes nothing. Raises DsfabError for an unknown number."""
         variant = self[number]
         self._all[number] = replace(variant, name=_short_name(name) or variant.name)
 
@@ -302,10 +297,9 @@ class VariantTray:
 
 
 def differences(before: Preset, after: Preset) -> list[tuple[str, Any, Any]]:
-    """Return dotted keys with different values, and both values. The name is ignored, and a list counts as a whole."""
-    a, b = (
-        dict(_leaves(preset.model_dump(mode="json", exclude={"name", "description"}))) for preset in (before, after)
-    )
+    """Return dotted keys with different values, and both values; the preset's name and description are ignored."""
+    hidden = {"name", "description"}
+    a, b = (dict(_leaves(preset.model_dump(mode="json", exclude=hidden))) for preset in (before, after))
     return [(key, a.get(key), b.get(key)) for key in {**a, **b} if a.get(key) != b.get(key)]
 
 

@@ -21,18 +21,18 @@ def hops(
 
     require_rhino("geometry of Grasshopper needs")
     if not seconds > 0:
-        raise DsfabError(f"--seconds {seconds:g}: give a number over 0")
+        raise DsfabError(f"--seconds {seconds:g} is not positive; give a number over 0")
     with Solver(seconds) as solver:
         try:
             server = HopsServer(solver, port)
         except (OSError, OverflowError):
-            raise DsfabError(f"port {port} cannot be used; take another one: --port 0 for a free one") from None
+            raise DsfabError(f"port {port} cannot be used; choose another port, or a free one with --port 0") from None
         with server:
             try:
                 for component in COMPONENTS.values():
                     print_result(f"{server.address}/{component.name}  {component.about}")
                 print_result("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
-                sys.stdout.flush()  # flush also for a pipe, because its reader waits for the address
+                sys.stdout.flush()  # a program that reads this pipe waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
                 print_result()

@@ -1,4 +1,4 @@
-"""Components for Grasshopper. Each function returns the outputs for a request, in the unit of the model."""
+"""Components for Grasshopper; each function solves a request and returns the outputs in the unit of the model."""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -24,22 +24,20 @@ INPUTS = (
         "supports", "S", "Points that hold the surface near them; left out: its feet.", "Point", is_list=True
     ),
     HopsParameter("snow", "Sn", "Pa on the plan; left out: 750, a placeholder for your code.", "Number"),
-    HopsParameter("spacing", "Sp", "From one member to the next, in the unit of the model.", "Number"),
-    HopsParameter("thickness", "T", "Of the sheet, in the unit of the model.", "Number"),
-    HopsParameter("share", "Sh", "Of the surface that is material, 0 to 1.", "Number"),
+    HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
+    HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
+    HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),
     HopsParameter(
-        "preset", "P", "Lines of a preset, such as pattern.rotate = 45; metres and pascals.", "Text", is_list=True
+        "preset", "P", "Lines of a preset in metres and pascals, such as pattern.rotate = 45.", "Text", is_list=True
     ),
 )
 NOTES = HopsParameter("notes", "N", "Notes on the design.", "Text", is_list=True)
-LINES = HopsParameter("lines", "L", "Middles of the members.", "Curve", is_list=True)
-
+LINES = HopsParameter("lines", "L", "Centre lines of the members.", "Curve", is_list=True)
 _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
 def preset_of_request(request: HopsRequest) -> Preset:
-    """Return the preset that dsfab proposes for the mesh, with the changes from all further inputs.
-    Raises HopsError, PresetError and SurfaceError for impossible inputs."""
+    """Return the preset that dsfab proposes for the mesh, changed by the other inputs. Raises DsfabError."""
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
@@ -48,13 +46,11 @@ def preset_of_request(request: HopsRequest) -> Preset:
 def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]]:
     values, metre = request.values, request.metre
     if values["supports"]:
-        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # twice the length of an edge of the mesh
+        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # metres; two edges of the mesh
         feet = [[metre * x for x in point] for point in values["supports"]]
         pickers = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
-        yield (
-            "surface.support",
-            [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)],
-        )
+        supports = [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)]
+        yield "surface.support", supports
     if values["snow"] is not None:
         yield "surface.load", [{"kind": "self_weight"}, {"kind": "snow", "pressure": values["snow"]}]
     for name, key, factor in (("thickness", "statics.thickness", metre), ("share", "pattern.width.solid_fraction", 1)):
@@ -66,7 +62,7 @@ def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]
 
 
 def changes_from_toml(text: str) -> Mapping[str, Any]:
-    """Return dotted keys and their values from lines of TOML; raise HopsError for invalid lines."""
+    """Return values by dotted keys from lines of TOML. Raises HopsError for invalid lines."""
     try:
         table = toml_table(text)
     except TomlError as error:
@@ -83,7 +79,7 @@ def _dotted_items(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any
 
 
 def design_of_request(request: HopsRequest) -> Design:
-    """Return the design of a request. dsfab keeps the last four designs for components with equal inputs."""
+    """Return the design of a request. The last four designs are kept, because several components share their inputs."""
     design = _DESIGNS.pop(request.key, None) or Design.from_preset(preset_of_request(request))
     _DESIGNS[request.key] = design
     while len(_DESIGNS) > 4:
@@ -101,7 +97,7 @@ def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[
 
 
 def solve_structure(request: HopsRequest) -> Sequence[Any]:
-    """Return the solid, its lines, its mass and its stiffness."""
+    """Return the solid, its lines and their names, its compliance, its mass, and notes."""
     design = design_of_request(request).until("thickening")
     lines, names = _curves_and_names(design, "centre", request)
     edges, _ = _curves_and_names(design, "edge", request)
@@ -111,18 +107,14 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
-    """Return the sheet before thickening."""
+    """Return the cut sheet, its centre lines, and notes; without the solid, the answer takes less time."""
     design = design_of_request(request).until("slicing")
-    sheet = design.sheet.surface
-    return (
-        mesh_json(sheet.V / request.metre, sheet.F),
-        _curves_and_names(design, "centre", request)[0],
-        _note_texts(design),
-    )
+    sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
+    return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:
-    """Return the axes of members with names, lengths and widths."""
+    """Return the axes of all members, with names, lengths and mean widths."""
     graph = design_of_request(request).until("slicing").members
     with_axis = [member for member in graph.members if member.axis is not None]
     axes = [polyline_json(member.axis.P / request.metre) for member in with_axis if member.axis is not None]
@@ -132,7 +124,7 @@ def solve_members(request: HopsRequest) -> Sequence[Any]:
 
 
 def solve_parts(request: HopsRequest) -> Sequence[Any]:
-    """Return the flat parts on their sheets, which lie below each other in the plane."""
+    """Return the curves of the flat parts on their sheets; the sheets lie below each other in the plane."""
     plan = workshop_plan(design_of_request(request).until("slicing"))
     curves: dict[str, list[Floats]] = {"stock": [], "cut": [], "holes": [], "marks": []}
     names, depth = list[str](), 0.0
@@ -145,7 +137,7 @@ def solve_parts(request: HopsRequest) -> Sequence[Any]:
             curves["cut"] += [shift + np.vstack([loop, loop[:1]]) for loop in (placed.outline, *placed.slots)]
             curves["holes"] += [shift + _circle(hole.at, hole.diameter / 2) for hole in placed.holes]
             curves["marks"] += [shift + mark for mark in placed.marks]
-        depth += width + 0.2  # a gap of 0.2 metres between the sheets
+        depth += width + 0.2  # the gap between two sheets is 0.2 metres
     outputs = [[polyline_json(curve / request.metre) for curve in kind] for kind in curves.values()]
     return *outputs, names, list(plan.notes)
 
@@ -166,16 +158,16 @@ COMPONENTS = {
                 HopsParameter("solid", "So", "The watertight solid.", "Mesh"),
                 LINES,
                 HopsParameter("edges", "E", "Edges of the material.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "Of the lines.", "Text", is_list=True),
-                HopsParameter("compliance", "C", "J, by one solve: less is stiffer.", "Number"),
-                HopsParameter("mass", "Ma", "kg.", "Number"),
+                HopsParameter("names", "Na", "Names of the lines.", "Text", is_list=True),
+                HopsParameter("compliance", "C", "Compliance in J, by one solve; less is stiffer.", "Number"),
+                HopsParameter("mass", "Ma", "Mass in kg.", "Number"),
                 NOTES,
             ),
             solve_structure,
         ),
         HopsComponent(
             "preview",
-            "The same, faster: the sheet before it has a thickness.",
+            "A faster preview of the structure: the cut sheet, without thickness.",
             INPUTS,
             (HopsParameter("sheet", "Sh", "The cut sheet.", "Mesh"), LINES, NOTES),
             solve_preview,
@@ -185,10 +177,14 @@ COMPONENTS = {
             "The members of the structure, by name.",
             INPUTS,
             (
-                HopsParameter("axes", "A", "A curve along the middle of each.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "A01, A02 ...", "Text", is_list=True),
-                HopsParameter("lengths", "L", "In the unit of the model.", "Number", is_list=True),
-                HopsParameter("widths", "W", "In the mean, in the unit of the model.", "Number", is_list=True),
+                HopsParameter("axes", "A", "A curve along the middle of each member.", "Curve", is_list=True),
+                HopsParameter("names", "Na", "Names of the members: A01, A02 ...", "Text", is_list=True),
+                HopsParameter(
+                    "lengths", "L", "Lengths of the members, in the unit of the model.", "Number", is_list=True
+                ),
+                HopsParameter(
+                    "widths", "W", "Mean widths of the members, in the unit of the model.", "Number", is_list=True
+                ),
             ),
             solve_members,
         ),
@@ -201,7 +197,7 @@ COMPONENTS = {
                 HopsParameter("cut", "Cu", "Lines to cut.", "Curve", is_list=True),
                 HopsParameter("holes", "Ho", "Holes to drill.", "Curve", is_list=True),
                 HopsParameter("marks", "En", "Lines and letters to engrave.", "Curve", is_list=True),
-                HopsParameter("names", "Na", "Of the parts.", "Text", is_list=True),
+                HopsParameter("names", "Na", "Names of the parts.", "Text", is_list=True),
                 NOTES,
             ),
             solve_parts,

@@ -1,8 +1,7 @@
-"""Protocol of Hops, after McNeel's own server in Python (`ghhops-server`, MIT).
+"""Protocol of Hops, Grasshopper's client for components [McNeel's server `ghhops-server`, MIT].
 
-`Inputs` and `Outputs` describe a component. A request has branches of values for each parameter. Each value has a .NET
-type and a JSON form. The answer has the same structure.
-"""
+A component has inputs and outputs. A request has lists of values for each input; each value has a .NET type and its
+JSON text. The answer has the same form."""
 
 import json
 import math
@@ -22,12 +21,12 @@ NET_TYPES: dict[Kind, str] = {
     "Number": "System.Double",
     "Text": "System.String",
 }
-""".NET types of output values."""
+"""Names of the .NET types of output values."""
 
-UNLIMITED = 2**31 - 1  # Hops reads this number as unlimited.
+UNLIMITED = 2**31 - 1  # Hops takes this number for no limit.
 
 UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
-"""Rhino's words for the units of a document."""
+"""Units by Rhino's words for them."""
 
 
 class HopsError(DsfabError):
@@ -36,9 +35,9 @@ class HopsError(DsfabError):
 
 @dataclass(frozen=True)
 class HopsParameter:
-    """A socket of a component.
-    many    : whether the socket takes, or gives, a list.
-    wanted  : whether the user must connect the socket."""
+    """An input or output of a component.
+    is_list     : whether the parameter takes, or gives, a list.
+    is_required : whether the user must connect the input."""
 
     name: str
     nickname: str
@@ -48,7 +47,7 @@ class HopsParameter:
     is_required: bool = False
 
     def description_json(self) -> dict[str, Any]:
-        """Return the description of the socket for Hops."""
+        """Return the parameter in the form that Hops reads."""
         return {
             "Name": self.name,
             "Nickname": self.nickname,
@@ -62,7 +61,7 @@ class HopsParameter:
 
 @dataclass(frozen=True)
 class HopsComponent:
-    """A component; `solve` maps a request to the values of the outputs, in their order."""
+    """A component; `solve` returns the values of all outputs for a request."""
 
     name: str
     about: str
@@ -71,7 +70,7 @@ class HopsComponent:
     solve: Callable[["HopsRequest"], Sequence[Any]]
 
     def description_json(self) -> dict[str, Any]:
-        """Return the description of the component for Hops."""
+        """Return the component in the form that Hops reads."""
         return {
             "Uri": f"/{self.name}",
             "Name": self.name,
@@ -84,15 +83,14 @@ class HopsComponent:
         }
 
     def answer(self, request: "HopsRequest") -> dict[str, Any]:
-        """Return the values of all outputs for Hops."""
+        """Solve a request; return the outputs in the form that Hops reads."""
         values = zip(self.outputs, self.solve(request), strict=True)
         return {"values": [_output_json(output, value) for output, value in values]}
 
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Values by parameter; list parameters have lists, and None stands for a missing value.
-    A mesh is (V, F), and a point is three numbers.
+    """Values by parameter name; None stands for a missing value. A mesh is (V, F), a point is three numbers.
     unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
 
     values: Mapping[str, Any]
@@ -101,28 +99,27 @@ class HopsRequest:
 
     @property
     def metre(self) -> float:
-        """Metres in one unit of the request."""
+        """Metres in one unit of the request's lengths."""
         return METRES_PER[self.unit]
 
 
 def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsRequest:
-    """Return a request to solve; raise HopsError, with the parameter's name, for missing or wrong values."""
+    """Return the request in a JSON body. Raises HopsError, with the parameter's name, for missing or wrong values."""
     items_by_name: dict[str, list[tuple[str, str]]] = {}
     try:
         for entry in body["values"]:
             branches = entry["InnerTree"].values()
             items_by_name[entry["ParamName"]] = [(item["type"], item["data"]) for branch in branches for item in branch]
     except (KeyError, TypeError, AttributeError):
-        raise HopsError("this is no request of Hops: it has no values, or others than Hops sends") from None
+        raise HopsError(
+            "this is not a request of Hops, because its values have another form; use a Hops component"
+        ) from None
     word = str(body.get("modelunits") or "Meters").lower()
     if word not in UNITS:
         raise HopsError(f"the unit of the model is {word}; work in {', '.join(UNITS)}")
     key = json.dumps([component.inputs[0].name, sorted(items_by_name.items()), word])
-    return HopsRequest(
-        {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs},
-        UNITS[word],
-        key,
-    )
+    values = {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs}
+    return HopsRequest(values, UNITS[word], key)
 
 
 def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]]) -> Any:
@@ -131,7 +128,7 @@ def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]])
             raise HopsError(f"{parameter.name}: nothing is connected; {parameter.about}")
         return [] if parameter.is_list else None
     if len(items) > 1 and not parameter.is_list:
-        raise HopsError(f"{parameter.name}: {len(items)} values are connected, and it takes one")
+        raise HopsError(f"{parameter.name}: {len(items)} values are connected; connect a single value")
     values = [_value(parameter, data) for _, data in items]
     return values if parameter.is_list else values[0]
 
@@ -147,7 +144,7 @@ def _value(parameter: HopsParameter, data: str) -> Any:
     except DsfabError as error:
         raise HopsError(f"{parameter.name}: {error}") from None
     except (KeyError, TypeError, ValueError):
-        raise HopsError(f"{parameter.name}: {data[:40]!r} is no {parameter.kind.lower()}") from None
+        raise HopsError(f"{parameter.name}: {data[:40]!r} is not a {parameter.kind.lower()}") from None
 
 
 def _number(value: Any) -> float:
@@ -159,9 +156,7 @@ def _number(value: Any) -> float:
 
 def _output_json(parameter: HopsParameter, value: Any) -> dict[str, Any]:
     values = value if parameter.is_list else [value]
-    json_kinds = ("Mesh", "Curve")  # values of these types are JSON already
-    items = [
-        {"type": NET_TYPES[parameter.kind], "data": item if parameter.kind in json_kinds else json.dumps(item)}
-        for item in values
-    ]
+    if parameter.kind not in ("Mesh", "Curve"):  # values of these kinds are JSON already
+        values = [json.dumps(item) for item in values]
+    items = [{"type": NET_TYPES[parameter.kind], "data": text} for text in values]
     return {"ParamName": parameter.name, "InnerTree": {"0": items}}

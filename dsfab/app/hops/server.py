@@ -1,4 +1,4 @@
-"""HTTP server for Hops on this machine, and the process that solves its requests one after another."""
+"""HTTP server for Hops on this machine, and the process that solves its requests."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Solver:
-    """Process that solves requests one after another and ends with the `with` block."""
+    """A process that solves one request at a time; it ends with the `with` block."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -33,7 +33,7 @@ class Solver:
         self._end()
 
     def solve(self, name: str, body: Mapping[str, Any]) -> str:
-        """Return the answer to a request, JSON; raise HopsError with the reason of a refusal."""
+        """Return the answer to a request as JSON. Raises HopsError with the reason of a refusal."""
         with self._turn:
             if self._pool is None:
                 self._pool = multiprocessing.get_context("spawn").Pool(1)
@@ -42,8 +42,8 @@ class Solver:
             except multiprocessing.TimeoutError:
                 self._end()
                 raise HopsError(
-                    f"this took more than {self.seconds:g} s and was ended; make the mesh coarser, or start dsfab hops "
-                    "with more --seconds"
+                    f"the component took over {self.seconds:g} s and was stopped; make the mesh coarser, or start "
+                    "dsfab hops with more --seconds"
                 ) from None
         if not succeeded:
             raise HopsError(text)
@@ -58,24 +58,22 @@ class Solver:
 
 def solve_request(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
     """Return whether a request succeeded, and the answer as JSON or the reason of a refusal."""
-    from dsfab.app.hops.components import COMPONENTS
-
     component = COMPONENTS[name]
     try:
         return True, json.dumps(component.answer(read_request(component, body)))
     except DsfabError as error:
         return False, str(error)
-    except Exception as error:  # a bug becomes an answer too, so that Grasshopper goes on
+    except Exception as error:  # after a bug Grasshopper gets an answer, too
         log.exception("%s", name)
         return False, f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
 
 
 LOOPBACK = "127.0.0.1"
-LARGEST = 64 * 2**20  # Largest number of bytes of a request: a mesh of some hundred thousand faces.
+LARGEST = 64 * 2**20  # Largest number of bytes of a request, enough for a mesh of 100,000 faces.
 
 
 class HopsServer(ThreadingHTTPServer):
-    """Server of `COMPONENTS`. In Grasshopper, Hops takes `address`, followed by the name of a component."""
+    """Server of all components; a Hops component needs the `address`, a slash, and the name of a component."""
 
     daemon_threads = True
     allow_reuse_address = False  # on Windows True would let another program take the port too
@@ -88,16 +86,16 @@ class HopsServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Address of this server."""
+        """Address of this server, without the name of a component."""
         return f"http://localhost:{self.server_address[1]}"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Log a broken connection without a message."""
+        """Log a broken connection quietly, because clients often reset connections."""
         log.debug("connection of %s", client_address, exc_info=True)
 
 
 class HopsHandler(BaseHTTPRequestHandler):
-    """Handler of a connection."""
+    """Handler of a connection from Hops."""
 
     server: HopsServer
     protocol_version = "HTTP/1.1"
@@ -110,11 +108,11 @@ class HopsHandler(BaseHTTPRequestHandler):
         """Print nothing, because the terminal belongs to the user."""
 
     def do_HEAD(self) -> None:
-        """Answer Hops' check whether the server runs."""
+        """Answer the request by which Hops tests whether the server runs."""
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """Describe all components, or the single component that the path names."""
+        """Describe all components, or the component that the path names."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
@@ -126,14 +124,17 @@ class HopsHandler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, f"there is no component {name!r}; there are {', '.join(COMPONENTS)}")
 
     def do_POST(self) -> None:
-        """Solve a request; Hops shows the error of a refusal on the component."""
+        """Solve a request; Hops shows an error on the component."""
         length = self.headers.get("Content-Length", "")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
         elif not (length.isascii() and length.isdigit() and len(length) < 12):
-            self._refuse(HTTPStatus.LENGTH_REQUIRED, "say how long the request is")
+            self._refuse(HTTPStatus.LENGTH_REQUIRED, "the request states no length; send a Content-Length")
         elif int(length) > LARGEST:
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {LARGEST >> 20} MB; make the mesh coarser")
+            self._refuse(
+                HTTPStatus.REQUEST_ENTITY_TOO_LARGE,
+                f"the request is larger than {LARGEST >> 20} MB; make the mesh coarser",
+            )
         else:
             self._solve(self.rfile.read(int(length)))
 
@@ -143,7 +144,10 @@ class HopsHandler(BaseHTTPRequestHandler):
         except (ValueError, RecursionError):
             body = None
         if not isinstance(body, dict):
-            self._refuse(HTTPStatus.BAD_REQUEST, "this is no request of Hops: it is not a JSON object")
+            self._refuse(
+                HTTPStatus.BAD_REQUEST,
+                "this is not a request of Hops, because it is not a JSON object; use a Hops component",
+            )
             return
         name = urlsplit(self.path).path.strip("/")
         name = str(body.get("pointer", "")).strip("/") if name == "solve" else name
@@ -157,8 +161,8 @@ class HopsHandler(BaseHTTPRequestHandler):
 
     def _refusal(self) -> str:
         if self.headers.get("Host", "").lower() not in self.server.hosts:
-            return "this server answers for its own address only"
-        return "this server answers Hops, and no page" if self.headers.get("Origin") is not None else ""
+            return "this server answers only at its own address; use the address that dsfab hops printed"
+        return "this server answers Hops, but no page of a browser" if self.headers.get("Origin") is not None else ""
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
         self.close_connection = True  # the rest of the request stays unread

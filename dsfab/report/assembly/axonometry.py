@@ -1,4 +1,4 @@
-"""Members in parallel projection, drawn from the farthest to the nearest [painter's algorithm]."""
+"""Members in parallel projection; the farthest face is drawn first [painter's algorithm]."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -10,18 +10,14 @@ from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
-DRAWN_PIECES = 90
-"""Number of pieces in the drawing of a member as long as the whole structure."""
-
-PLATE_COLOUR = (150, 146, 140)
-"""Colour of the plates of nodes."""
-LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
-"""Direction of the usual view, degrees."""
+DRAWN_PIECES = 90  # Pieces of a member that is as long as the whole structure.
+PLATE_COLOUR = (150, 146, 140)  # Colour of the plates of nodes.
+LEAST_ELEVATION, AZIMUTH = 28.0, -58.0  # Direction of the usual view, degrees.
 
 
 @dataclass(frozen=True, eq=False)
 class Axonometry:
-    """A view direction: unit vectors (3,) to the right, upwards and to the eye."""
+    """Direction of a view: unit vectors (3,) to the right, upwards and towards the eye."""
 
     right: Floats
     upwards: Floats
@@ -29,7 +25,7 @@ class Axonometry:
 
     @classmethod
     def from_angles(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """Return the view from an azimuth about `up` and an elevation over the ground, degrees; 90 is a plan."""
+        """Return a view by its azimuth about `up` and its elevation over the ground, degrees; elevation 90: a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
@@ -39,13 +35,13 @@ class Axonometry:
         return cls(np.cross(upwards, eye), upwards, eye)
 
     def projected(self, points: Floats) -> Floats:
-        """Project points (..., 3) to (..., 2), metres."""
+        """Project points (..., 3) onto the picture (..., 2), metres."""
         return np.asarray(points @ np.stack([self.right, self.upwards], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class MemberFaces:
-    """Faces of a member as quads (q, 4, 3), metres; a triangle has its last corner twice."""
+    """Faces of a member as quads (q, 4, 3), metres; a triangle repeats its last corner."""
 
     id: str
     colour: tuple[float, float, float]
@@ -53,12 +49,12 @@ class MemberFaces:
 
     @property
     def middle(self) -> Floats:
-        """(3,) a point on the member, metres."""
+        """Point (3,) near the middle of the member, metres."""
         return np.asarray(self.quads[len(self.quads) // 2].mean(axis=0))
 
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
-    """Return the faces of all members except fills, in their colours, each in its uppermost layer; metres."""
+    """Return the faces of all members except fills, each member in its colour and in its uppermost layer."""
     piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:
@@ -71,7 +67,7 @@ def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> li
 
 
 def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all bars, in the colours of their members, and of all plates of nodes, by name; metres."""
+    """Return the faces of all bars, in the colours of their members, and of all plates at nodes."""
     assert plan.bars is not None
     assert plan.graph is not None
     members, faces = plan.graph.by_id, []
@@ -83,14 +79,14 @@ def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all members of a plan of panels, in a single layer."""
+    """Return the faces of all members that the plan builds as panels, in a single layer."""
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
     return [face for face in member_faces(plan.graph, palette, Layering(0.0, 2, 0.0)) if face.id in built]
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of planks in their colours: both sides and the upper edge of each plank, and the plates."""
+    """Return the faces of all members in the plan: both sides and the upper edge of planks, one side of plates."""
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
@@ -99,11 +95,9 @@ def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     for member in graph.members:
         if member.id in built:
             red, green, blue = (x / 255 for x in _member_colour(member, palette))
-            quads = (
-                _plank_quads(member, piece, stock.thickness, stock.depth)
-                if is_strip(member)
-                else _cell_quads(graph, member)
-            )
+            quads = _cell_quads(graph, member)
+            if is_strip(member):
+                quads = _plank_quads(member, piece, stock.thickness, stock.depth)
             faces.append(MemberFaces(member.id, (red, green, blue), quads))
     return faces
 
@@ -119,7 +113,7 @@ def _plank_quads(member: Member, piece: float, thickness: float, depth: float) -
 
 
 def faces_by_member(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
-    """Merge the faces of bars by member; drop the plates."""
+    """Merge the faces of all bars of a member; leave out the plates at nodes."""
     member = {part.id: part.member for part in plan.parts}
     faces_of: dict[str, list[MemberFaces]] = {}
     for face in faces:
@@ -144,8 +138,7 @@ def _cell_quads(graph: MemberGraph, member: Member) -> Floats:
 def _strip_quads(member: Member, piece: float, height: float) -> Floats:
     axis = member.axis
     assert axis is not None
-    count = max(int(np.ceil(axis.length / piece)), 2)
-    s = np.linspace(0, axis.length, count + 1)
+    s = np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1)
     P, T, N = axis.frames_at(s)
     B = np.cross(N, T)
     left_side, right_side = (np.interp(s, axis.s, side)[:, None] for side in member.sides.T)
@@ -164,7 +157,7 @@ class FaceList:
 def painted_faces(
     faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]
 ) -> FaceList:
-    """Return all faces from the farthest to the nearest; `colours` replaces the colours of members that it names."""
+    """Return all faces in drawing order; `colours` by member replaces the colours of these members."""
     quads = np.concatenate([face.quads for face in faces])
     tints = np.concatenate([np.tile(colours.get(face.id, face.colour), (len(face.quads), 1)) for face in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])

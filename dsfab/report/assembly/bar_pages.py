@@ -1,4 +1,4 @@
-"""Pages of bars: the table of bars, their order, and the joint at each node."""
+"""Pages of bars: a table of all bars, their order of assembly, and drawings of joints."""
 
 from collections.abc import Callable, Container, Sequence
 
@@ -13,15 +13,14 @@ from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, DrawingTransform,
 from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
 from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
-ROWS, COLUMNS = 58, 2
-"""Rows and columns of bars on a page."""
+ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
 
 BAR_RULE = (
     "Bars go up from the supports upwards, by the height of their middle. Each plate is bolted beneath the first of "
     "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
     "beside it are there."
 )
-"""Order of `bar_steps` in words, for the builders."""
+"""Order of assembly of `bar_steps`, for the builders."""
 BARS_UNCHECKED = (
     "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
     "the statics while it is being put up; props and scaffolding",
@@ -29,11 +28,11 @@ BARS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks that nobody checked, for the last page."""
+"""Risks of structures of bars that dsfab does not check, for the last page."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
-    """Return the key figures of a structure of bars, for the cover."""
+    """Return names and values of the key figures of a structure of bars."""
     assert plan.bars is not None
     assert plan.graph is not None
     statics, bars_found, stock = design.preset.statics, plan.bars.bar_lattice.bars, plan.bars.stock
@@ -56,7 +55,7 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages with the nodes, lengths and angles of all bars."""
+    """Return pages with a table of all bars: nodes, length and angles."""
     rows = bar_table(plan).rows
     per_page = ROWS * COLUMNS
     return [
@@ -93,19 +92,14 @@ def _bar_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], 
 def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int | float]) -> None:
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
     paper.text(corner, str(name), 6.5, bold=True)
-    shown = [
-        str(start_node),
-        str(end_node),
-        f"{bar_length:,.1f}",
-        *(f"{angle:z.1f}°" for angle in angles),
-        f"{bow:.1f}",
-    ]
+    angle_words = [f"{angle:z.1f}°" for angle in angles]
+    shown = [str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
     for place, words in zip(BAR_TABLE_PLACES[1:], shown, strict=True):
         paper.text((corner[0] + place, corner[1]), words, 6.5, side="left" if place < 50 else "right")
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return steps of assembly with equal numbers of bars, sorted by the height of the bars' middle; see `BAR_RULE`."""
+    """Return steps of assembly with equal numbers of bars, in the order of `BAR_RULE`. up : (3,) unit vector."""
     assert plan.bars is not None
     net = plan.bars.bar_lattice
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in net.bars])
@@ -117,12 +111,11 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7
-"""Drawn length of the bars on the page of a joint, over the length of an arm beyond the bar's beginning."""
+SHOWN = 1.7  # On the page of a joint: drawn length of a bar over the length of its overlap with the arm of the plate.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return a page with the joint of the most bars, from above and from the side, and a page with a joint on a leg."""
+    """Return a page that draws the joint of the most bars, and a page that draws a joint on the ground."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()
@@ -152,11 +145,8 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
         low, high = points.min(axis=0), points.max(axis=0)
         scale, scale_name = usual_scale(min(np.array([room.wide - 12, room.high - 12]) / (high - low)))
         fitted = DrawingTransform.fit_to_box(low, high, room, scale)
-        paper.text(
-            (PAGE.x, PAGE.y + PAGE.high - 4),
-            f"The plate before it is folded, and its bars, from outside, {scale_name}",
-            9,
-        )
+        title = f"The plate before it is folded, and its bars, from outside, {scale_name}"
+        paper.text((PAGE.x, PAGE.y + PAGE.high - 4), title, 9)
         paper.polylines([fitted.to_paper(bar) for bar in bars], QUIET, 0.5, closed=True)
         paper.polylines([fitted.to_paper(plate - middle)], INK, 0.8, closed=True)
         paper.polylines([fitted.to_paper(fold.line - middle) for fold in part.folds], RED, 0.6)
@@ -168,17 +158,14 @@ def _joint_page(plan: WorkshopPlan, name: str) -> Callable[[Paper], None]:
             paper.text((x, y - 1), arm.bar, 9, side="middle", bold=True)
         right = PaperBox(PAGE.x + 0.62 * PAGE.wide, PAGE.y, 0.38 * PAGE.wide, PAGE.high)
         _arm_table(paper, right, arms)
-        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, max(arms, key=_fold_angle), ends_here)
+        steepest = max(arms, key=lambda arm: abs(arm.dip))
+        _side_view(paper, PaperBox(right.x, right.y + 20, right.wide, 120), plan, steepest, ends_here)
 
     return draw
 
 
-def _fold_angle(arm: PlateArm) -> float:
-    return abs(arm.dip)
-
-
 def bar_on_plate(part: FlatPart, arm: PlateArm, from_end: bool) -> Floats:
-    """Return the outline (k, 2) of a bar's first or last end on the unfolded plate; metres from the node."""
+    """Return the outline (k, 2) of a bar's end that lies on a plate's arm, before folding; metres from the node."""
     hole = next(hole_here for hole_here in (reversed(part.holes) if from_end else part.holes))
     direction = part.axis[1] - part.axis[0]
     direction = direction / np.linalg.norm(direction) * (-1 if from_end else 1)
@@ -244,10 +231,8 @@ def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, b
         if arm.bar not in bars:
             paper.polylines([fitted.to_paper(np.array([place - 4 * t * m, place + 4 * t * m]) @ turn)], RED, 0.6)
             continue
-        ends = np.array(
-            [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
-        )
-        paper.polylines([fitted.to_paper(ends)], RED, 0.6)
+        ends = [place - 2 * t * m - 0.5 * stock.bolt * m, place + (2 * half + 2 * t) * m + 0.5 * stock.bolt * m]
+        paper.polylines([fitted.to_paper(np.array(ends))], RED, 0.6)
     node = np.array([[0.0, -stock.lever - 6 * t], [0.0, half]]) @ turn
     paper.polylines([fitted.to_paper(node)], QUIET, 0.4)
     x, y = fitted.to_paper(node[1]).tolist()

@@ -1,4 +1,4 @@
-"""The book `assembly.pdf` for cutting and building, on A3, drawn in lines."""
+"""The book `assembly.pdf` for cutting and assembly: line drawings on A3 pages."""
 
 import io
 from collections.abc import Callable
@@ -39,11 +39,11 @@ LAYERS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of bent layers that nobody checked, for the last page."""
+"""Risks of bent layers that dsfab does not check, for the last page."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
-    """Return the whole book as a PDF. The same plan gives the same bytes."""
+    """Return the whole book as a PDF; the same plan gives the same bytes."""
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
@@ -62,7 +62,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
-    """Return all pages in order. A flat design has no steps of assembly, because its pieces are butted."""
+    """Return titles and drawings of all pages. A flat design needs no steps, because its parts lie in one plane."""
     flat_pages = [*cut_list_pages(plan), *nest_pages(plan)]
     last_page = ("What was not checked", partial(_unchecked_page, plan=plan))
     if plan.graph is None:
@@ -78,10 +78,7 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
     built = {part.member for part in plan.parts}
     faces = [face for face in member_faces(plan.graph, PAPER, plan.layering) if face.id in built]
     return [
-        (
-            "Assembly",
-            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
-        ),
+        _cover(plan, design, faces, up),
         *model_pages(plan),
         *_view_pages(faces, up),
         *refolded_pages(plan, faces, up),
@@ -93,16 +90,17 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
     ]
 
 
+def _cover(plan: WorkshopPlan, design: Design, faces: list[MemberFaces], up: Floats) -> BookPage:
+    figures, notes = _key_figures(plan, design), list(plan.notes)
+    return "Assembly", partial(draw_cover, faces=faces, up=up, figures=figures, notes=notes)
+
+
 def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     parts = bar_faces(plan, PAPER)
-    members = faces_by_member(parts, plan)
     return [
-        (
-            "Assembly",
-            partial(draw_cover, faces=parts, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
-        ),
+        _cover(plan, design, parts, up),
         *joint_pages(plan),
-        *_view_pages(members, up),
+        *_view_pages(faces_by_member(parts, plan), up),
         *family_pages(plan),
         *bar_pages(plan),
         *cut_list_pages(plan),
@@ -115,10 +113,7 @@ def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
 def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     faces = plank_faces(plan, PAPER)
     return [
-        (
-            "Assembly",
-            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
-        ),
+        _cover(plan, design, faces, up),
         *_view_pages(faces, up),
         *refolded_pages(plan, faces, up),
         *family_pages(plan),
@@ -132,10 +127,7 @@ def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage
 def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
     faces = skin_faces(plan, PAPER)
     return [
-        (
-            "Assembly",
-            partial(draw_cover, faces=faces, up=up, figures=_key_figures(plan, design), notes=list(plan.notes)),
-        ),
+        _cover(plan, design, faces, up),
         *model_pages(plan),
         *_view_pages(faces, up),
         *family_pages(plan),
@@ -171,22 +163,18 @@ def _key_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
         layers = [("Thickness of a layer", length(plan.thickness))]
         layers += [("Layers where two members cross", str(preset.workshop.layers))]
         joints = ("Nodes and splices with bolts", f"{len(bolts)}, bolts of {length(preset.workshop.bolt)}")
+    members, total_length = {part.member for part in plan.parts}, sum(member.length for member in graph.members)
+    statics = preset.statics
     return [
         ("Size over all", " x ".join(f"{x:.2f}" for x in size) + " m"),
-        (
-            "Members",
-            f"{len({part.member for part in plan.parts})}, together {sum(m.length for m in graph.members):,.0f} m",
-        ),
+        ("Members", f"{len(members)}, together {total_length:,.0f} m"),
         ("Parts", f"{len(plan.parts)}, {len(plan.equal_parts)} different"),
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         *sheet_figures(plan),
         *layers,
         joints,
-        ("Mass of all parts", f"{area * plan.thickness * preset.statics.density:,.0f} kg"),
-        (
-            "Material",
-            preset.statics.material or f"{preset.statics.density:g} kg/m³, {preset.statics.young / 1e9:g} GPa",
-        ),
+        ("Mass of all parts", f"{area * plan.thickness * statics.density:,.0f} kg"),
+        ("Material", statics.material or f"{statics.density:g} kg/m³, {statics.young / 1e9:g} GPa"),
     ]
 
 
@@ -198,7 +186,7 @@ PLANKS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""Risks of upright planks that nobody checked."""
+"""Risks of upright planks that dsfab does not check, for the last page."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""The page for model makers: cutting, order of layers, base plate, and steps."""
+"""The page for model makers: how to cut and build a model from card."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,7 +16,7 @@ MODEL_UNCHECKED = (
     "the grain of the card: long strips bend more evenly along it",
     "members of one layer that run into each other, as at a crown: trim them with a knife",
 )
-"""Risks of a card model that nobody checked."""
+"""Risks of a card model that dsfab does not check, for the last page."""
 PANEL_STEPS = (
     (
         "Sort",
@@ -37,19 +37,20 @@ PANEL_STEPS = (
     ),
     ("Plates", "Glue plates beneath, in the middle of what ends there."),
 )
-"""Steps for panels after cutting: head and text."""
+"""Steps for a model of panels, after cutting: title and instruction."""
 
-TEXT_WIDTH = 150.0
-"""Width of the text, millimetres; the base plate takes the rest of the page."""
+TEXT_WIDTH = 150.0  # Width of the text, millimetres; a drawing of the base plate fills the rest of the page.
 FAMILY_WORDS = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
-    """Return the key figures of a model for its cover."""
+    """Return names and values of the key figures of a model, for its cover."""
     assert plan.graph is not None
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
     longest = max(plan.parts, key=lambda part: part.size[0])
+    layering = plan.layering
+    joints = [("Nodes and splices with pins", f"{len(pins)}, holes of {length(layering.bolt)}")] if layering else []
     return [
         ("Model", f"1:{plan.model:g}"),
         ("Size over all", " x ".join(f"{x:.0f}" for x in size) + " mm"),
@@ -58,16 +59,12 @@ def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
         ("Longest part", f"{longest.id}, {MM_PER_M * longest.size[0]:,.0f} mm"),
         *sheet_figures(plan, "Sheets of card"),
         ("Thickness of the card", length(plan.thickness)),
-        *(
-            [("Nodes and splices with pins", f"{len(pins)}, holes of {length(plan.layering.bolt)}")]
-            if plan.layering
-            else []
-        ),
+        *joints,
     ]
 
 
 def model_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return the page for a model of members; none for a structure at full size."""
+    """Return the page for a model of members; nothing for a structure at full size."""
     return [(f"Building the model at 1:{plan.model:g}", _model_page(plan))] if plan.model and plan.graph else []
 
 
@@ -152,9 +149,7 @@ def _base_plate_drawing(paper: Paper, plates: list[FlatPart]) -> None:
         if part.slots:
             paper.polylines([fitted.to_paper(slot) for slot in part.slots], INK, 0.5, closed=True)
         paper.polylines([fitted.to_paper(part.outline)], INK, 0.7, closed=True)
-    words = (
-        f"{', '.join(part.id for part in plates[:6])}, {scale_name}: slots with the names of the parts that "
-        "stand in them"
-    )
+    names = ", ".join(part.id for part in plates[:6])
+    words = f"{names}, {scale_name}: slots with the names of the parts that stand in them"
     paper.text((room.x, PAGE.y + PAGE.high - 6), words, 8)
     paper.polylines([np.array([[room.x - 6, PAGE.y], [room.x - 6, PAGE.y + PAGE.high]])], HAIR, 0.4)

@@ -1,4 +1,4 @@
-"""Pages of parts: cut list, nested sheets, nodes, and the members of each family."""
+"""Pages of flat parts: cut list, nested sheets, nodes, and the members of each family."""
 
 from collections.abc import Callable, Sequence
 
@@ -10,24 +10,22 @@ from dsfab.members import Member
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
 from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_table, stock_cost, stock_words
 
-ACROSS, DOWN = 4, 13
-"""Columns and rows of parts on a page."""
-ROWS, COLUMNS = 62, 3
-"""Rows and columns of nodes on a page."""
+ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
+ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Least scale at which names of parts are legible, for a structure and for a model: millimetres of paper per metre."""
+"""Least scales at which names of parts are legible, for a structure and for a model; millimetres per metre."""
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """Return number, size and use of the sheets, and their price, if known."""
+    """Return number, size and use of the sheets, and their price if the plan knows it."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used_share:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of the distinct parts: outline, size, number of copies, and sheets."""
+    """Return pages with all different parts: outline, size, number of copies, and sheets."""
     pages = []
     per_page = ACROSS * DOWN
     for k in range(0, len(plan.equal_parts), per_page):
@@ -54,7 +52,7 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             thick = f" · {MM_PER_M * plan.part_thickness(part):g} mm" if plan.bars else ""
             holes = f"{len(part.holes)} hole{'' if len(part.holes) == 1 else 's'}" if part.holes else ""
             words = f"{holes}{thick} · sheet {sheets}".removeprefix(" · ")
-            paper.text((cell.x, cell.y + 0.6), _shortened(words, 64), 6, QUIET)
+            paper.text((cell.x, cell.y + 0.6), words if len(words) <= 64 else words[:61] + "...", 6, QUIET)
             room = PaperBox(cell.x, cell.y + 3.4, cell.wide, cell.high - 8.4)
             half = part.size / 2
             middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
@@ -62,10 +60,6 @@ def _cut_list_page(plan: WorkshopPlan, groups: Sequence[tuple[int, ...]]) -> Cal
             paper.polylines([np.array([[cell.x, cell.y - 1.2], [cell.x + cell.wide, cell.y - 1.2]])], HAIR, 0.3)
 
     return draw
-
-
-def _shortened(words: str, limit: int) -> str:
-    return words if len(words) <= limit else words[: limit - 3] + "..."
 
 
 def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
@@ -78,34 +72,20 @@ def _outline(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def nest_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of all sheets at one usual scale, each part with its name."""
+    """Return pages with all sheets at one usual scale; each part has its name."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
-    across, down = max(
-        ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4)),
-        key=lambda n: (
-            _largest_scale(n[0], n[1], wide, high) > legible,
-            min(n[0] * n[1], 6),
-            _largest_scale(n[0], n[1], wide, high),
-        ),
-    )
-    scale, scale_name = usual_scale(_largest_scale(across, down, wide, high))
+    grids = ((a, d) for a in (1, 2, 3) for d in (1, 2, 3, 4))
+    scales = {(a, d): min((PAGE.wide / a - 6) / wide, (PAGE.high / d - 12) / high) for a, d in grids}
+    across, down = max(scales, key=lambda n: (scales[n] > legible, min(n[0] * n[1], 6), scales[n]))
+    scale, scale_name = usual_scale(scales[across, down])
     pages = []
     for k in range(0, len(plan.sheets), across * down):
-        sheets = plan.sheets[k : k + across * down]
-        cells = PAGE.cells(across, down, 5.0)
-        pages.append(
-            (
-                f"Sheets {k + 1} to {k + len(sheets)} of {len(plan.sheets)}, {scale_name}",
-                _nest_page(sheets, k, cells, scale),
-            )
-        )
+        sheets, cells = plan.sheets[k : k + across * down], PAGE.cells(across, down, 5.0)
+        title = f"Sheets {k + 1} to {k + len(sheets)} of {len(plan.sheets)}, {scale_name}"
+        pages.append((title, _nest_page(sheets, k, cells, scale)))
     return pages
-
-
-def _largest_scale(across: int, down: int, wide: float, high: float) -> float:
-    return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 
 def _nest_page(
@@ -145,15 +125,12 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return pages of all nodes with a bolt: members, their angle, and place."""
-    rows = node_table(plan).rows
-    pages = []
-    per_page = ROWS * COLUMNS
+    """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
+    rows, pages, per_page = node_table(plan).rows, [], ROWS * COLUMNS
     for k in range(0, len(rows), per_page):
         page_rows = rows[k : k + per_page]
-        pages.append(
-            (f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", _node_page(page_rows, "on" if plan.layering else "with"))
-        )
+        page = _node_page(page_rows, "on" if plan.layering else "with")
+        pages.append((f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", page))
     return pages
 
 
@@ -176,19 +153,15 @@ def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Calla
                 shown = "" if angle != angle else f"{angle:.1f}°"
                 for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in place_values)), strict=True):
                     paper.text((x + place, y), value, 6.5, side="right")
-        paper.text(
-            (PAGE.x, PAGE.y - 4), "Millimetres, on the middle surface; angles between the members there.", 7, QUIET
-        )
+        note = "Millimetres, on the middle surface; angles between the members there."
+        paper.text((PAGE.x, PAGE.y - 4), note, 7, QUIET)
 
     return draw
 
 
-ROW = 24.0
-"""Height of a member's row, millimetres of paper."""
-NAMES = 44.0
-"""Room for a member's name, to the left of its line, millimetres of paper."""
-APART = 2.1
-"""Least millimetres between the names of two nodes; a nearer node has a tick without a name."""
+ROW = 24.0  # Height of the row of a member on a page of a family, millimetres of paper.
+NAMES = 44.0  # Width for the name of a member to the left of its line, millimetres of paper.
+APART = 2.1  # Least distance between the names of two nodes, millimetres; a nearer node has no name.
 SPLICED_NOTE = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."
@@ -210,7 +183,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages with the members of one family in order, at one scale: title and drawing."""
+    """Return titles and drawings of pages with the members of each family in order, at one scale for the family."""
     assert plan.graph is not None
     pages = []
     built = {part.member for part in plan.parts}
@@ -228,15 +201,10 @@ def _family_page(plan: WorkshopPlan, members: list[Member], scale: float) -> Cal
     def draw(paper: Paper) -> None:
         for k, member in enumerate(members):
             _member_row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
-        paper.text((PAGE.x, PAGE.y - 4), _family_note(plan), 7, QUIET)
+        note = BARS_NOTE if plan.bars else PLANKS_NOTE if plan.planks else SPLICED_NOTE
+        paper.text((PAGE.x, PAGE.y - 4), PANELS_NOTE if plan.route == "panels" else note, 7, QUIET)
 
     return draw
-
-
-def _family_note(plan: WorkshopPlan) -> str:
-    if plan.route == "panels":
-        return PANELS_NOTE
-    return BARS_NOTE if plan.bars else PLANKS_NOTE if plan.planks else SPLICED_NOTE
 
 
 def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
@@ -246,9 +214,8 @@ def _member_row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scal
     paper.text((PAGE.x, y + 13), member.id, 12, bold=True)
     paper.text((PAGE.x, y + 9), size, 7)
     covers = len(parts) - len(pieces)
-    words = count_phrase(len(pieces), "bar" if plan.bars else "piece") + (
-        f", {count_phrase(covers, 'cover')}" if covers else ""
-    )
+    words = count_phrase(len(pieces), "bar" if plan.bars else "piece")
+    words += f", {count_phrase(covers, 'cover')}" if covers else ""
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
     if pieces and plan.layering:
         paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)

@@ -20,10 +20,9 @@ from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolde
 
 
 def colour_scales(plan: WorkshopPlan, names: list[str], judged_design: Design | None) -> list[dict[str, Any]]:
-    """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
-    judged_design : design whose member forces give more scales, which takes seconds. In this case, raises StaticsError
-    without a strength, or if nothing carries the loads.
-    """
+    """Return the scales by which the page can colour members: name, unit, and a value or None for each of `names`.
+    judged_design : design whose member forces give further scales, which takes seconds; raises StaticsError without a
+    strength, or if nothing carries the loads."""
     assert plan.graph is not None
     members = plan.graph.by_id
     longest: dict[str, float] = {}
@@ -52,18 +51,15 @@ def _force_scales(design: Design, names: list[str]) -> list[dict[str, Any]]:
 
 
 def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[str], digits: int) -> dict[str, Any]:
-    return {
-        "name": name,
-        "unit": unit,
-        "values": [round(values[member], digits) if member in values else None for member in names],
-    }
+    listed = [round(values[member], digits) if member in values else None for member in names]
+    return {"name": name, "unit": unit, "values": listed}
 
 
 def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
-    """Return the key figures: names and values."""
+    """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # making the solid would take longer than the page
+    mass = sheet.area * statics.thickness * statics.density  # the solid would take longer
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),
@@ -79,9 +75,8 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
 
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
     """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
-    judged : whether to colour members by force and utilisation too, for clients; such a page has no workshop drawings.
-    The plan must have members.
-    """
+    judged : for clients: colour members also by force and utilisation, and leave out workshop drawings.
+    The plan must have members."""
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
@@ -129,19 +124,11 @@ def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
 def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
     if plan.bars:
         return []
-    piece = piece_length(faces)
-    return [
-        {
-            "id": strip.id,
-            "member": strip.member,
-            "faces": strip_quads(strip, piece, plan.planks is not None).round(3).ravel().tolist(),
-        }
-        for strip in refolded_plan(plan).strips
-    ]
-
-
-def _clicked_id(part: FlatPart, plan: WorkshopPlan) -> str:
-    return part.id if plan.bars else part.member
+    piece, parts = piece_length(faces), []
+    for strip in refolded_plan(plan).strips:
+        quads = strip_quads(strip, piece, plan.planks is not None)
+        parts.append({"id": strip.id, "member": strip.member, "faces": quads.round(3).ravel().tolist()})
+    return parts
 
 
 def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
@@ -151,8 +138,7 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
         name, start_node, end_node, _, bar_length, bar_width, _, dip, _, end_dip, twist, bow, _ = row
         words_by_name[str(name)] = (
             f"{bar_length:,.1f} x {bar_width:.1f} mm, from {start_node} ({dip:z.1f} degrees below its plate) to "
-            f"{end_node} ({end_dip:z.1f}); "
-            f"turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
+            f"{end_node} ({end_dip:z.1f}); turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
         )
     bars = plan.bars.bar_lattice.bars
     for joint in plan.bars.bar_lattice.joints:
@@ -173,7 +159,7 @@ def _part_facts(plan: WorkshopPlan, number: int, has_drawing: bool) -> dict[str,
     first_alike = next(group[0] for group in plan.equal_parts if number in group)
     return {
         "id": part.id,
-        "member": _clicked_id(part, plan),
+        "member": part.id if plan.bars else part.member,
         "size": (MM_PER_M * part.size).round(1).tolist(),
         "sheet": plan.sheet_numbers[part.id],
         "file": f"{file_stem(plan.parts[first_alike].id)}.dxf" if has_drawing else "",
@@ -197,18 +183,14 @@ def _loop_coordinates(part: FlatPart, loop: Floats) -> list[float]:
 
 
 def _sheet_facts(plan: WorkshopPlan) -> list[dict[str, Any]]:
-    """Sheets with their parts: number, turn in degrees, and place of the middle of the box, millimetres."""
     number = {part.id: k for k, part in enumerate(plan.parts)}
     facts = []
     for sheet in plan.sheets:
         parts = []
         for placement in sheet.parts:
             c, s = np.cos(placement.turn), np.sin(placement.turn)
-            x, y = (
-                (MM_PER_M * (_box_middle(placement.part) @ np.array([[c, s], [-s, c]]) + placement.shift))
-                .round(2)
-                .tolist()
-            )
+            middle = _box_middle(placement.part) @ np.array([[c, s], [-s, c]]) + placement.shift
+            x, y = (MM_PER_M * middle).round(2).tolist()
             parts.append([number[placement.part.id], round(float(np.degrees(placement.turn)), 3), x, y])
         facts.append({"size": [MM_PER_M * x for x in sheet.size], "used": f"{sheet.used_share:.0%}", "parts": parts})
     return facts

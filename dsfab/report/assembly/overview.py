@@ -1,10 +1,10 @@
-"""The first pages of the book: cover, named views, and parts bent back into space."""
+"""The first pages of the book: cover, views with names, and flat parts bent back into space."""
 
 from collections.abc import Callable
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
+from dsfab.core.arrays import Bools, Floats
 from dsfab.core.units import MM_PER_M
 from dsfab.render import Nameplate, place_names
 from dsfab.report.assembly.axonometry import DRAWN_PIECES, Axonometry, MemberFaces, painted_faces
@@ -12,14 +12,13 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, DrawingTran
 from dsfab.surface import simplified_line
 from dsfab.workshop import RefoldedStrip, WorkshopPlan, refolded_plan
 
-GRID_PER_MM = 8.0
-"""Cells per millimetre of the grid on which names find their places."""
+GRID_PER_MM = 8.0  # Grid cells per millimetre of paper; `place_names` moves names on this grid.
 
 
 def draw_cover(
     paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]
 ) -> None:
-    """Draw the structure, its key figures beside it, and the notes below them."""
+    """Draw the structure; beside the drawing write its key figures, and the notes below them. up : (3,) unit vector."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     draw_structure(paper, faces, Axonometry.from_angles(up), drawing, {})
@@ -48,8 +47,8 @@ def draw_structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> DrawingTransform:
-    """Draw members into a box of the page; `colours` replaces the colours of the members that it names.
-    extent : (k, 2) region to fit into the box, metres; None fits the members."""
+    """Draw members into a box of the page; `colours` by member replaces the colours of these members.
+    extent : (k, 2) points that the box must show, metres; None shows all members."""
     faces_in_order = painted_faces(faces, view, colours)
     extent = faces_in_order.corners.reshape(-1, 2) if extent is None else extent
     fitted = DrawingTransform.fit_to_box(extent.min(axis=0), extent.max(axis=0), box)
@@ -58,11 +57,13 @@ def draw_structure(
 
 
 def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) -> None:
-    """Draw all members of a structure with their names, on one page."""
+    """Draw all members with their names on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = draw_structure(paper, faces, view, box, {})
-    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres, less for over 120 members
-    plates = [_nameplate(face, fitted.to_paper(view.projected(_name_places(face)))) for face in faces]
+    letter = 2.5 * min(
+        1.0, float(np.sqrt(120 / len(faces)))
+    )  # height in millimetres; over 120 members need smaller letters
+    plates = [Nameplate(face.id, (0, 0, 0), *_name_places(face, view, fitted)) for face in faces]
     size = (int(GRID_PER_MM * (PAGE.wide + 2 * PAGE.x)), int(GRID_PER_MM * (PAGE.high + PAGE.y + 10)))
     names = place_names(plates, size, GRID_PER_MM * letter)
     points = 1.38 * letter * 72 / 25.4
@@ -79,20 +80,17 @@ def draw_named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) ->
         paper.scale_bar((PAGE.x, PAGE.y), fitted.scale)
 
 
-def _name_places(face: MemberFaces) -> Floats:
+def _name_places(face: MemberFaces, view: Axonometry, fitted: DrawingTransform) -> tuple[Floats, Bools]:
     middles = face.quads.mean(axis=1)
     order = np.abs(np.arange(len(middles)) - len(middles) / 2).argsort(kind="stable")
-    return np.asarray(middles[order[:: max(len(order) // 15, 1)]])
-
-
-def _nameplate(face: MemberFaces, places: Floats) -> Nameplate:
-    return Nameplate(face.id, (0, 0, 0), GRID_PER_MM * places, np.ones(len(places), dtype=bool))
+    places = fitted.to_paper(view.projected(middles[order[:: max(len(order) // 15, 1)]]))
+    return GRID_PER_MM * places, np.ones(len(places), dtype=bool)
 
 
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return the page of the parts bent back into space; none without strips, or for a model."""
+    """Return a page of flat parts bent back into space; nothing for a plan without strips. up : (3,) unit vector."""
     parts_in_space = refolded_plan(plan)
     if not parts_in_space.strips:
         return []
@@ -114,22 +112,18 @@ def refolded_pages(
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
-    """Return the length of the pieces in which parts are drawn, metres."""
-    return (
-        float(np.linalg.norm(np.ptp(np.concatenate([face.quads.reshape(-1, 3) for face in faces]), axis=0)))
-        / DRAWN_PIECES
-    )
+    """Return the length of the straight pieces in the drawing of a curved part, metres."""
+    corners = np.concatenate([face.quads.reshape(-1, 3) for face in faces])
+    return float(np.linalg.norm(np.ptp(corners, axis=0))) / DRAWN_PIECES
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has a quad border at every
-    corner.
-    """
-    length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
-    count = max(int(np.ceil(length / piece)), 1)
+    """Return a strip as quads (q, 4, 3) about `piece` metres long; a slotted strip has quads between all corners."""
     if slotted:
         rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
+        length = float(np.linalg.norm(np.diff(strip.edges.mean(axis=1), axis=0), axis=1).sum())
+        count = max(int(np.ceil(length / piece)), 1)
         rows = strip.edges[np.unique(np.linspace(0, len(strip.edges) - 1, count + 1).round().astype(int))]
     right_edge, left_edge = rows[:, 0], rows[:, 1]
     return np.stack([right_edge[:-1], right_edge[1:], left_edge[1:], left_edge[:-1]], axis=1)
@@ -142,7 +136,7 @@ def _refolded_page(
     extent = np.concatenate([view.projected(face.quads).reshape(-1, 2) for face in (*faces, *parts)])
 
     def draw(paper: Paper) -> None:
-        foot = 24.0  # millimetres for the captions
+        foot = 24.0  # the captions need 24 millimetres
         room = PaperBox(PAGE.x, PAGE.y + foot, PAGE.wide, PAGE.high - foot)
         captions = ("Members, as they are designed", caption)
         for shown_faces, cell, words in zip((faces, parts), room.cells(2, 1, 10.0), captions, strict=True):

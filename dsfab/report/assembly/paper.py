@@ -1,4 +1,4 @@
-"""Drawing on a sheet of paper with reportlab, millimetres from its lower left corner."""
+"""Drawing on a sheet of paper with reportlab; places are millimetres from the lower left corner."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,9 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 from dsfab.report.pdf_pages import MM
 
-PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0
-"""A3, millimetres."""
-MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0
-"""Margins of every page: at the sides, above and below."""
-SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Factors of usual scales; a usual scale is a factor times a power of ten."""
-
+PAPER_WIDTH, PAPER_HEIGHT = 420.0, 297.0  # Size of A3 paper, millimetres.
+MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0  # Margins of a page, millimetres: at both sides, above, and below.
+SCALE_STEPS = (1.0, 2.0, 2.5, 5.0)  # A usual scale is 1 over one of these factors times a power of ten.
 Colour = tuple[float, float, float]
 
 
@@ -31,7 +27,7 @@ INK, QUIET, HAIR, RED = _ink("text"), _ink("quiet"), _ink("hair"), _ink("bad")
 
 @dataclass(frozen=True)
 class PaperBox:
-    """A part of a page: its lower left corner, width and height, millimetres."""
+    """A box on a page: lower left corner, width and height, millimetres."""
 
     x: float
     y: float
@@ -39,14 +35,14 @@ class PaperBox:
     high: float
 
     def cells(self, across: int, down: int, gap: float = 0.0) -> "list[PaperBox]":
-        """Divide the box into rows and columns, from the upper left, with a gap between them."""
+        """Divide the box into rows and columns of boxes with a gap between them, from the upper left."""
         w, h = (self.wide - gap * (across - 1)) / across, (self.high - gap * (down - 1)) / down
         tops = [self.y + self.high - h - k * (h + gap) for k in range(down)]
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
 PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)
-"""The region for a page's own drawing."""
+"""Box for the drawings of a page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +54,18 @@ class DrawingTransform:
 
     @classmethod
     def fit_to_box(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "DrawingTransform":
-        """Centre a box of (2,) metres in a box of paper, at a scale, or as large as it fits."""
+        """Centre the drawing with corners `low` and `high` (2,), metres, in a box of paper; scale 0 fills the box."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         return cls(scale, np.array([box.x + box.wide / 2, box.y + box.high / 2]) - scale * (low + high) / 2)
 
     def to_paper(self, points: Floats) -> Floats:
-        """Return points as (..., 2) millimetres."""
+        """Return points (..., 2) in millimetres of paper."""
         return np.asarray(points * self.scale + self.shift)
 
 
 def usual_scale(largest: float) -> tuple[float, str]:
-    """Return the largest usual scale up to `largest`, millimetres per metre, and its name, "1:20"."""
+    """Return the largest usual scale up to `largest`, millimetres of paper per metre, and its name such as "1:20"."""
     least = 1000 / largest
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in SCALE_STEPS if k * power * 10**j >= least)
@@ -77,7 +73,7 @@ def usual_scale(largest: float) -> tuple[float, str]:
 
 
 class Paper:
-    """The pages of a document; the last one is open."""
+    """Pages of a PDF document; drawing goes to the last page."""
 
     def __init__(self, canvas: Any, fonts: tuple[str, str]) -> None:
         self.canvas, self.fonts = canvas, fonts
@@ -91,18 +87,16 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text; by `side` its place is its beginning, middle or end on the base line; size in
-        points.
-        """
+        """Write a line of text of this size in points; by `side` its left end, middle or right end lies at `place`."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
         getattr(self.canvas, draw)(float(place[0]) * MM, float(place[1]) * MM, words)
 
     def upright_text(self, place: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
-        """Write a line of text upwards, to be read from the right; it begins at its place."""
+        """Write a line of text upwards from a place, so that it is read from the right."""
         self.canvas.saveState()
-        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half the height of a capital
+        self.canvas.translate(place[0] * MM + size * 0.35, place[1] * MM)  # half of a capital's height
         self.canvas.rotate(90)
         self.canvas.setFont(self.fonts[0], size)
         self.canvas.setFillColorRGB(*colour)
@@ -110,17 +104,17 @@ class Paper:
         self.canvas.restoreState()
 
     def width(self, words: str, size: float, bold: bool = False) -> float:
-        """Return the length of a text, millimetres."""
+        """Return the width of a text, millimetres."""
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
     def wrapped_lines(self, words: str, width: float, size: float) -> list[str]:
-        """Break a text into lines of this width, millimetres."""
+        """Break a text into lines of at most this width, millimetres."""
         from reportlab.lib.utils import simpleSplit
 
         return list(simpleSplit(words, self.fonts[0], size, width * MM))
 
     def polylines(self, polylines: Sequence[Floats], colour: Colour, width: float, closed: bool = False) -> None:
-        """Draw polylines (k, 2), millimetres; width in points."""
+        """Draw polylines (k, 2), millimetres; `width` is in points."""
         path = self.canvas.beginPath()
         for points in polylines:
             (x, y), *rest = (points * MM).tolist()
@@ -145,14 +139,14 @@ class Paper:
         self.canvas.drawPath(path, stroke=0, fill=1)
 
     def circles(self, places: Floats, diameter: float, colour: Colour) -> None:
-        """Draw circles about places (k, 2), millimetres."""
+        """Draw circles with centres at places (k, 2), millimetres."""
         self.canvas.setStrokeColorRGB(*colour)
         self.canvas.setLineWidth(0.3)
         for x, y in (places * MM).tolist():
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, faces: FaceList, fitted: DrawingTransform) -> None:
-        """Draw thousands of faces as one string of operators, because a call for each takes ten times as long."""
+        """Draw thousands of faces as one string of PDF operators; a call for each face takes ten times as long."""
         P = (fitted.to_paper(faces.corners) * MM).reshape(-1, 8)
         dark = 0.55 * faces.colours
         rows = np.concatenate([faces.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)
@@ -166,7 +160,7 @@ class Paper:
         self.canvas.restoreState()
 
     def scale_bar(self, corner: tuple[float, float], scale: float) -> None:
-        """Draw a bar of a round length to the right of a place; scale : millimetres per metre."""
+        """Draw a bar of a round length, to the right of a corner; scale : millimetres of paper per metre."""
         metres = float(f"{10.0 ** np.floor(np.log10(45 / scale)):.6g}")
         metres = max(metres * k for k in (1, 2, 5) if metres * k * scale <= 45) if metres * scale <= 45 else metres
         x, y = corner

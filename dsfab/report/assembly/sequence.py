@@ -1,4 +1,4 @@
-"""The order of assembly, and its pages."""
+"""Order of assembly, and the pages that show its steps."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -14,27 +14,26 @@ from dsfab.report.assembly.overview import draw_structure
 from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
-STEP_PICTURES = 12
-"""Approximate number of pictures of steps."""
+STEP_PICTURES = 12  # Approximate number of steps, each with a picture.
 
 LAYER_RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
     "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
     "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
 )
-"""Order of `assembly_steps` in words, for the builders."""
+"""Order of assembly of `assembly_steps`, for the builders."""
 
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """Members that are assembled together: their names, and the number of layers above them."""
+    """A step of assembly: names of its members, and the number of layers above these members."""
 
     layer: int
     members: tuple[str, ...]
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps: every built member once for each of its layers, by `LAYER_RULE`. up : (3,) unit vector."""
+    """Return the steps in the order of `LAYER_RULE`; a member appears once for each layer. up : (3,) unit vector."""
     return _ordered_steps(graph, up, partial(layer_numbers, layering))
 
 
@@ -43,12 +42,12 @@ PLANK_RULE = (
     "along the middle of the normals at its slots. Within a family members go up by the height of their lowest point, "
     "those of one height in the order of their names. Splices are closed when both pieces sit."
 )
-"""Order of `plank_steps` in words, for the builders."""
+"""Order of assembly of `plank_steps`, for the builders."""
 FAMILY_WORDS = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
-    """Return `PLANK_RULE` with the families of a plan."""
+    """Return `PLANK_RULE` with the names of the plan's families."""
     assert plan.graph is not None
     assert plan.planks is not None
     families = {member.family for member in plan.graph.members if is_strip(member)}
@@ -57,7 +56,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Return the steps of a plan of planks: each family after the family below it, plates last."""
+    """Return the steps of a plan of planks: lower families come first, plates last. up : (3,) unit vector."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.planks.order
@@ -73,9 +72,11 @@ def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
 def _ordered_steps(
     graph: MemberGraph, up: Floats, numbers: Callable[[Member], tuple[int, ...]]
 ) -> tuple[AssemblyStep, ...]:
-    heights = _heights(graph, up)
+    surface = graph.sheet.surface
+    z = surface.V @ up
+    heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # share of the height within which members follow by name
+    level = 0.02  # share of the height; members of one level are sorted by name
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)
@@ -90,30 +91,19 @@ def _ordered_steps(
     return tuple(steps)
 
 
-def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
-    surface = graph.sheet.surface
-    z = surface.V @ up
-    return {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
-
-
-ACROSS, DOWN = 3, 2
-"""Columns and rows of steps on a page."""
-STANDING_COLOUR = (0.82, 0.81, 0.79)
-"""Colour of members that stand already."""
+ACROSS, DOWN = 3, 2  # Columns and rows of steps on a page.
+STANDING_COLOUR = (0.82, 0.81, 0.79)  # Colour of members that earlier steps have assembled.
 
 
 def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Return pages of pictures below the rule: new members in their colours, standing ones in grey."""
-    per_page = ACROSS * DOWN
-    return [
-        (
-            f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}",
-            _steps_page(steps, k, faces, (up, rule)),
-        )
-        for k in range(0, len(steps), per_page)
-    ]
+    """Return pages with the rule and a picture of each step: new members in colour, earlier members in grey."""
+    pages, per_page = [], ACROSS * DOWN
+    for k in range(0, len(steps), per_page):
+        title = f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}"
+        pages.append((title, _steps_page(steps, k, faces, (up, rule))))
+    return pages
 
 
 def _steps_page(
@@ -143,7 +133,7 @@ def _draw_step(
     cell: PaperBox,
     view_and_extent: tuple[Axonometry, Floats],
 ) -> None:
-    (view, extent), count = view_and_extent, 3  # lines of names below a picture
+    (view, extent), count = view_and_extent, 3  # a picture has three lines of names
     added = set(steps[k].members)
     standing = {name for step in steps[:k] for name in step.members} - added
     visible = [face for face in faces if face.id in added or face.id in standing]

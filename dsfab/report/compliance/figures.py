@@ -1,11 +1,11 @@
-"""Figures of a compliance report: charts of compliance over mass, pictures of load cases and stress."""
+"""Figures of a compliance report: charts of compliance over mass, and pictures of loads, stress and displacement."""
 
 import io
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 
 ResultRow = Mapping[str, Any]
-"""A row of `results.json`: see `dsfab.study.alternatives.Competitor.row`, and its `volume`."""
+"""Row of `results.json`: `volume`, and the keys of `dsfab.study.alternatives.Competitor.row`."""
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),
@@ -44,7 +44,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor, distinguishable in black and white too."""
+"""Colour, line and mark of each competitor in charts, which also differ in black and white."""
 
 NAMES = {
     "design": "this design",
@@ -62,20 +62,23 @@ NAMES = {
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png. rows : at several volumes; a
-    competitor without equilibrium leaves a gap in its line. names : label of each competitor."""
+    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
+    rows  : results at several shares of the surface; a competitor without equilibrium leaves a gap in its line.
+    names : label of each competitor."""
     import matplotlib as mpl
 
     settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
     with mpl.rc_context(settings):
-        _save(chart_figure(rows, title, names), path)
+        figure = chart_figure(rows, title, names)
+        figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
+        figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
 def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
     """Return the chart as a figure of matplotlib; see `write_chart`."""
     from matplotlib.figure import Figure
 
-    many = len({row["name"] for row in rows}) > 6  # a longer legend would hide lines, so it goes below them
+    many = len({row["name"] for row in rows}) > 6  # a long legend would hide lines of the chart
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
     _plot_lines(axes, rows, title, names)
@@ -84,11 +87,6 @@ def chart_figure(rows: Sequence[ResultRow], title: str, names: Mapping[str, str]
     else:
         axes.legend(frameon=False, fontsize=9)
     return figure
-
-
-def _save(figure: "Figure", path: Path) -> None:
-    figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
-    figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
 
 
 def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapping[str, str]) -> None:
@@ -104,12 +102,9 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
         label = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
         axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=width, label=label)
         if name == "isotropic" and label == names[name]:
-            low, high = (
-                [_ratio_to_full_sheet(row, f"variants_{key}") for row in competitor_rows] for key in ("best", "worst")
-            )
-            axes.fill_between(
-                mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
-            )
+            keys, label = ("variants_best", "variants_worst"), "isotropic, all pairs that carry"
+            low, high = ([_ratio_to_full_sheet(row, key) for row in competitor_rows] for key in keys)
+            axes.fill_between(mass, low, high, color=colour, alpha=0.13, linewidth=0, label=label)
     axes.set_yscale("log")
     for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
         formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
@@ -117,14 +112,11 @@ def _plot_lines(axes: "Axes", rows: Sequence[ResultRow], title: str, names: Mapp
     axes.set_ylabel("compliance over that of the full sheet")
     if title:
         axes.set_title(title, fontsize=11, loc="left")
-    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / full_mass), partial(_times, full_mass / 100)))
+    to_share, to_mass = 100 / full_mass, full_mass / 100
+    share = axes.secondary_xaxis("top", functions=(lambda mass: to_share * mass, lambda share: to_mass * share))
     share.set_xlabel("share of the surface, %", fontsize=9)
     axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
     axes.spines[["top", "right"]].set_visible(False)
-
-
-def _times(factor: float, x: Any) -> Any:
-    return factor * x
 
 
 def _ratio_to_full_sheet(row: ResultRow, key: str) -> float:
@@ -136,16 +128,13 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-ChartImage = tuple[bytes, tuple[int, int]]
-"""PNG file, and its width and height in pixels."""
-
+ChartImage = tuple[bytes, tuple[int, int]]  # Bytes of a PNG file, and its width and height in pixels.
 ChartImages = Mapping[str, ChartImage]
-
 FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
 
 
 def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, ChartImage]:
-    """Return the chart `bars`, compliances at one mass, and the chart `volumes` if rows at several masses exist."""
+    """Return the chart `bars`, compliances at one mass; and the chart `volumes` if the findings have several masses."""
     images: dict[str, ChartImage] = {}
     with lettering():
         if findings.compared.rivals:
@@ -157,12 +146,12 @@ def chart_images(findings: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[
 
 @contextmanager
 def lettering(**settings_of_chart: Any) -> Iterator[None]:
-    """Draw charts inside this context with the letters of a report; more : settings of matplotlib."""
+    """Draw charts inside this context with the fonts of a report. settings_of_chart : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
 
-    # a missing font is no fault, because the next one of the list serves
+    # matplotlib warns of a missing font, but the next font of the list replaces it
     logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **settings_of_chart}
     with mpl.rc_context(settings):
@@ -177,11 +166,8 @@ def _bar_figure(findings: Findings) -> "Figure":
     figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(competitors)), layout="constrained")
     axes = figure.add_subplot()
     values = [competitor.compliance / factor for competitor in competitors]
-    bounds = [
-        value * (competitor.judgement.bound or 0.0)
-        for competitor, value in zip(competitors, values, strict=True)
-        if competitor.judgement
-    ]
+    judgements = [competitor.judgement for competitor in competitors if competitor.judgement]
+    bounds = [value * (judgement.bound or 0.0) for value, judgement in zip(values, judgements, strict=True)]
     colours = [STYLES.get(competitor.name, ("#b9bec5", "", ""))[0] for competitor in competitors]
     axes.barh(range(len(competitors)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
     longest = max(value + bound for value, bound in zip(values, bounds, strict=True))
@@ -204,19 +190,11 @@ def png_with_size(figure: "Figure", dpi: int = 200) -> ChartImage:
     return file.getvalue(), (wide, high)
 
 
-SIZE, SMALL = (1500, 1000), (1050, 760)
-"""Pixels of a large picture and of the picture of a load case."""
-
-BANDS = 10
-"""Largest number of bands of a colour scale."""
-
+SIZE, SMALL = (1500, 1000), (1050, 760)  # Size of large pictures and of pictures of load cases, pixels.
+BANDS = 10  # Largest number of bands of a colour scale.
 WHITE = replace(PAPER, paper=(255, 255, 255))
-
-RED: Colour = (200, 60, 40)
-"""Colour of material that reaches no support."""
-
-TEXT = 174 / 25.4 * 72
-"""Points on paper of a picture as wide as the text block."""
+RED: Colour = (200, 60, 40)  # Colour of material that reaches no support.
+TEXT = 174 / 25.4 * 72  # Width of the text of a report, points.
 
 
 class FindingsPictures:
@@ -227,7 +205,7 @@ class FindingsPictures:
 
     @cached_property
     def no_picture_reason(self) -> str:
-        """The reason why this machine cannot draw, or ''."""
+        """Reason why this machine cannot draw, or ''."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures()
@@ -235,7 +213,7 @@ class FindingsPictures:
 
     @cached_property
     def up(self) -> Floats:
-        """(3,) the direction that is up, the same in all pictures."""
+        """Direction (3,) that is up in all pictures."""
         task = self.findings.task
         return up_axis(task.surface.V, task.surface, task.statics.load)
 
@@ -245,17 +223,15 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def all_material(self, caption: str, width: float) -> ReportFigure:
-        """Draw all material of the pattern with its loads and supports; parts that reach no support are red."""
+        """Draw all material of the pattern with its loads and supports, and parts that reach no support in red."""
         structure, task = self.findings.structure, self.findings.task
-        sheet = structure.material
-        face_family = np.where(kept_cells(sheet, structure.sheet), -1, 0)
-        red = replace(WHITE, families=(RED,))
-        return self._figure(
-            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, face_family
-        )
+        family = np.where(kept_cells(structure.material, structure.sheet), -1, 0)
+        red, material = replace(WHITE, families=(RED,)), structure.material.surface
+        load = task.statics.load
+        return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with a case's loads and supports; beside: two pictures share the text's width."""
+        """Draw the uncut surface with loads and supports of a case; side_by_side : whether it shares a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -263,13 +239,13 @@ class FindingsPictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, answered: AnsweredLoad, caption: str) -> ReportFigure:
-        """Draw the largest von Mises stress of top, middle and bottom on the cut sheet."""
+        """Draw the von Mises stress on the cut sheet: at each place the largest of top, middle and bottom."""
         sheet, value = self.findings.structure.sheet.surface, answered.stress.largest
-        limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners would hide the rest
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # else peaks at corners use up the colour scale
         return self._band_figure(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, answered: AnsweredLoad, limit: float, caption: str) -> ReportFigure:
-        """Draw the deformed sheet, coloured by displacement; `caption` names the magnification as {factor}."""
+        """Draw the deformed sheet, coloured by displacement; `{factor}` in the caption becomes the magnification."""
         sheet, u = self.findings.structure.sheet.surface, answered.equilibrium.u
         # the magnified largest displacement is 7 % of the surface's size, or a little less
         factor = round_number_above(0.07 * self.findings.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
@@ -317,16 +293,14 @@ class FindingsPictures:
 
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
-    """Return the factor that enlarges the letters of a preview to a height of `points` on paper.
-    size : pixels.    width : share of the text's width that the picture takes."""
+    """Return the factor by which letters of a preview grow to a height of `points` on paper.
+    size : pixels.    width : width of the picture over the width of the text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 
 
 def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Return a picture without empty rows at top and bottom, and with few empty rows between the structure and its
-    caption.
-    """
+    """Return a picture without empty rows at its top and bottom, and with a small gap above the caption."""
     marked_rows = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(marked_rows):
         return pixels
@@ -338,7 +312,7 @@ def without_empty_rows(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
 
 
 def jpeg(pixels: Bytes, quality: int = 90) -> bytes:
-    """Return (height, width, 3) bytes as a JPEG file."""
+    """Return a picture (height, width, 3) of bytes as a JPEG file."""
     from PIL import Image
 
     file = io.BytesIO()

@@ -1,4 +1,4 @@
-"""Findings of a comparison: the status of a design, its reasons, and numbers in words."""
+"""Findings of a comparison: status of a design, its reasons, and numbers as text."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -25,14 +25,14 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 
 def prefixed_unit(size: float, unit: str) -> tuple[float, str]:
-    """Return the divisor for values of this size, and the unit with its prefix."""
+    """Return the divisor for values of this size, and the unit with its SI prefix."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
     return factor, prefix + unit
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """Return for example '12.3 kN'; 'n/a' for None or an infinite value."""
+    """Return a value as text, for example '12.3 kN'; 'n/a' for None or an infinite value."""
     if value is None or not math.isfinite(value):
         return "n/a"
     factor, name = prefixed_unit(value, unit)
@@ -43,13 +43,13 @@ def significant_digits(value: float, digits: int = 3) -> str:
     """Return a number with significant digits and without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
-    value = float(f"{value:.{digits - 1}e}")  # rounding comes first, because 9.996 becomes 10.00 with an extra digit
+    value = float(f"{value:.{digits - 1}e}")  # rounding may add a digit: 9.996 becomes 10.0
     decimals = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{decimals}f}".replace(",", " ")
 
 
 def within(value: float, bound: float | None, unit: str) -> str:
-    """Return for example '59.9 J ± 1.8 %', with as many digits as the bound leaves."""
+    """Return a value with its error bound, for example '59.9 J ± 1.8 %'; a narrow bound gives more digits."""
     if not math.isfinite(value):
         return "n/a"
     if bound is None or not math.isfinite(bound):
@@ -63,17 +63,17 @@ def share_words(part: float) -> str:
 
 
 def percent(share: float) -> str:
-    """Return a share with two digits: '1.8 %', '0.3 %', '12 %'."""
+    """Return a share in percent with two digits: '1.8 %', '0.3 %', '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 
 def range_words(low: float, middle: float, high: float) -> str:
-    """Return a ratio with its range, for example '1.92 (1.87 to 1.97)'."""
+    """Return a ratio with its lower and upper bound, for example '1.92 (1.87 to 1.97)'."""
     return f"{significant_digits(middle)} ({significant_digits(low)} to {significant_digits(high)})"
 
 
 def point_words(place: Sequence[float]) -> str:
-    """Return a place, for example '(1.20, 0.00, 3.98) m'."""
+    """Return the coordinates of a point, for example '(1.20, 0.00, 3.98) m'."""
     return f"({', '.join(f'{x + 0.0:.2f}' for x in place)}) m"
 
 
@@ -83,7 +83,7 @@ def length_or_na(metres: float | None) -> str:
 
 
 def enumeration(words: Sequence[str]) -> str:
-    """Return 'a, b and c'."""
+    """Return a list in words: 'a, b and c'."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
@@ -94,7 +94,7 @@ def round_number_above(value: float) -> float:
 
 
 SAFE_BUCKLING_FACTOR = 5.0
-"""Load factor above which linear buckling suffices, because real shells buckle at a fifth to a half of that factor."""
+"""Least safe factor of linear buckling, because real shells buckle at a fifth to a half of the linear factor."""
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -111,7 +111,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class CheckLine:
-    """A line of the list of checks."""
+    """A line in the list of checks."""
 
     name: str
     status: Mark
@@ -121,12 +121,10 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison at one mass, and comparisons at several volumes if they exist. A design without equilibrium
-    (`carries` is False) has no `judged` and no `fields`.
-
-    command : the command line of the comparison.
-    share   : share of the surface, if the widths of the design are scaled.
-    """
+    """A comparison at one mass, and comparisons at several shares of the surface if they exist.
+    A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
+    command : command line that repeats the comparison.
+    share   : share of the surface to which the widths of the design are scaled; None without scaling."""
 
     compared: Comparison
     volumes: Sequence[tuple[float, Comparison]]
@@ -135,7 +133,7 @@ class Findings:
 
     @property
     def task(self) -> ComparisonTask:
-        """The task that all competitors share."""
+        """Surface, loads and supports, which all competitors share."""
         return self.compared.task
 
     @property
@@ -155,7 +153,7 @@ class Findings:
 
     @property
     def reference_compliance(self) -> float:
-        """The compliance that sets the unit of all compliances, J."""
+        """Compliance in J whose size decides the unit of all compliances."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
@@ -172,13 +170,13 @@ class Findings:
 
     @cached_property
     def fields(self) -> Mapping[str, AnsweredLoad]:
-        """Displacements and stresses of each load, for pictures."""
+        """Displacements and stresses of each load by name, for pictures."""
         with_combinations = set(self.judgement.cases) != set(self.task.loads)
         return solved_loads(self.task, self.structure, with_combinations)
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """(3,) newtons of each case and combination on the cut sheet; empty if the sheet does not carry all of them."""
+        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if the sheet lacks a load."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -199,18 +197,17 @@ class Findings:
 
     @property
     def is_plane(self) -> bool:
-        """True if the loads lie in the plane of a flat sheet, so that it was solved in this plane."""
+        """True if the loads lie in the plane of a flat sheet, so that dsfab solved the sheet in this plane."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
     def governing(self) -> CaseResponse:
-        """The answer to the governing case."""
+        """Response of the design to the governing case."""
         return self.judgement.cases[self.cases[0]]
 
     def decisive_case(self, answer: str) -> tuple[str, CaseResponse]:
-        """Return the decisive case or combination, and its answer: the largest displacement or stress, or the least
-        buckling factor. Only cases of the limit state that judges this answer count: SLS for displacement, else ULS.
-        """
+        """Return name and response of the case with the largest displacement or stress, or the least buckling factor.
+        Displacement counts in cases of the limit state SLS, stress and buckling in cases of ULS."""
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judgement.cases[name]) for name in self.task.preset.judged_in(state, self.judgement.cases)),
@@ -218,22 +215,18 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Select the cases and combinations that get a figure; of combinations by a standard, only the decisive
-        ones.
-        """
+        """Return the cases and combinations that get a figure; only decisive ones of combinations by a standard."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
-        decisive_names = (
-            {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
-            if self.carries
-            else set()
-        )
+        decisive_names = set[str]()
+        if self.carries:
+            decisive_names = {self.cases[0], self.decisive_case("displacement")[0], self.decisive_case("stress")[0]}
         return [name for name in names if name not in standard_names or name in decisive_names]
 
     def _case_suffix(self, answer: str) -> str:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the stiffness over that of a competitor of the same mass: lower bound, estimate, upper bound."""
+        """Return the design's stiffness over a competitor's at equal mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance
@@ -241,38 +234,28 @@ class Findings:
 
     @property
     def status(self) -> Status:
-        """The worst status of the checks on the structure itself."""
+        """Worst status of all checks on the structure itself."""
         return worst_status(line.status for line in self.checks if line.status != "note")
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """Lines of the checks on the structure itself."""
+        """Checks on the structure itself."""
         if not self.carries:
             reason = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", reason, "equilibrium with its supports")]
-        lines = [
-            self._support_check(),
-            self._compliance_check(),
-            self._theory_check(),
-            self._balance_check(),
-            self._member_check(),
-            self._facet_check(),
-        ]
-        return [
-            line for line in (*lines, self._strength_check(), self._buckling_check(), self._frequency_line()) if line
-        ]
+        knowledge = (self._support_check(), self._compliance_check(), self._theory_check(), self._balance_check())
+        mesh = (self._member_check(), self._facet_check())
+        limits = (self._strength_check(), self._buckling_check(), self._frequency_line())
+        return [line for line in (*knowledge, *mesh, *limits) if line]
 
     def _support_check(self) -> CheckLine:
         loose = self.design.loose
         loose_words = f"; {percent(loose)} of what is drawn hangs on nothing and was left out" if loose > 1e-6 else ""
         words = f"{self.design.pieces} {'piece' if self.design.pieces == 1 else 'pieces'} of material{loose_words}"
-        failed = self.judgement.verdict == "fail"
-        return CheckLine(
-            "Every load reaches a support",
-            "fail" if failed else "pass",
-            self.judgement.reason if failed else words,
-            "loads on pieces that a support holds",
-        )
+        status: Status = "pass"
+        if self.judgement.verdict == "fail":
+            status, words = "fail", self.judgement.reason
+        return CheckLine("Every load reaches a support", status, words, "loads on pieces that a support holds")
 
     def _compliance_check(self) -> CheckLine:
         check = self.judgement.check
@@ -285,47 +268,37 @@ class Findings:
         theory = self.judgement.theory
         if theory is None:
             return None
+        mark: Mark = "pass" if theory <= CONVERGED else "note"
         words = f"a solid of it is up to {percent(theory)} softer"
-        return CheckLine(
-            "Within thin-shell theory", "pass" if theory <= CONVERGED else "note", words, percent(CONVERGED)
-        )
+        return CheckLine("Within thin-shell theory", mark, words, percent(CONVERGED))
 
     def _balance_check(self) -> CheckLine:
         cases = self.judgement.cases.values()
         imbalance, residual = max(case.imbalance for case in cases), max(case.residual for case in cases)
         if self.judgement.check:
             residual = max(residual, *(level.residual for level in self.judgement.check.levels))
-        return CheckLine(
-            "Reactions balance the loads",
-            "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail",
-            f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}",
-            f"{BALANCE:.0e}; {RESIDUAL:.0e}",
-        )
+        status: Status = "pass" if imbalance <= BALANCE and residual <= RESIDUAL else "fail"
+        words = f"off by {imbalance:.0e} of the load; residual of the equations {residual:.0e}"
+        return CheckLine("Reactions balance the loads", status, words, f"{BALANCE:.0e}; {RESIDUAL:.0e}")
 
     def _member_check(self) -> CheckLine | None:
         check = self.judgement.check
         if check is None or not math.isfinite(check.per_member):
             return None
-        is_fine = check.per_member >= estimates.LEAST_EDGES_PER_MEMBER
+        least = estimates.LEAST_EDGES_PER_MEMBER
+        mark: Mark = "pass"
         words = f"{check.per_member:.2g} edges of the uncut mesh across a member"
-        remark = "" if is_fine else "; the outline is coarse, the structure as drawn is what was checked"
-        return CheckLine(
-            "Outline of the members",
-            "pass" if is_fine else "note",
-            words + remark,
-            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more",
-        )
+        if check.per_member < least:
+            mark, words = "note", words + "; the outline is coarse, the structure as drawn is what was checked"
+        return CheckLine("Outline of the members", mark, words, f"{least:g} or more")
 
     def _facet_check(self) -> CheckLine | None:
         check = self.judgement.check
         if check is None or check.facets == 0:
             return None
-        return CheckLine(
-            "Flat faces for the curved surface",
-            "pass" if check.facets <= FACETS else "note",
-            f"L<sup>2</sup> / (R h) = {check.facets:.2g}",
-            f"{FACETS:g} or less",
-        )
+        mark: Mark = "pass" if check.facets <= FACETS else "note"
+        words = f"L<sup>2</sup> / (R h) = {check.facets:.2g}"
+        return CheckLine("Flat faces for the curved surface", mark, words, f"{FACETS:g} or less")
 
     def _strength_check(self) -> CheckLine | None:
         cases = self.task.preset.judged_in("ULS", self.judgement.cases)
@@ -336,9 +309,8 @@ class Findings:
         status: Status = "fail" if usual_share > 1 else "pass" if interior_share <= 1 else "unknown"
         where = f"further than a rib's width from corners{self._case_suffix('stress')}"
         words = f"{usual_share:.0%} on 99 % of the area, {interior_share:.0%} {where}"
-        return CheckLine(
-            "Stress against the strength", status, words, quantity(self.task.preset.statics.strength, "Pa")
-        )
+        strength = quantity(self.task.preset.statics.strength, "Pa")
+        return CheckLine("Stress against the strength", status, words, strength)
 
     def _buckling_check(self) -> CheckLine | None:
         case = self.decisive_case("buckling")[1]
@@ -347,10 +319,9 @@ class Findings:
             return None
         low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
-        words = (
-            f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){self._case_suffix('buckling')}"
-        )
-        return CheckLine("Buckling", status, f"{words}{self._assumption_suffix()}", f"{SAFE_BUCKLING_FACTOR:g} or more")
+        suffix = self._case_suffix("buckling") + self._assumption_suffix()
+        words = f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){suffix}"
+        return CheckLine("Buckling", status, words, f"{SAFE_BUCKLING_FACTOR:g} or more")
 
     def _frequency_line(self) -> CheckLine | None:
         case = next((case for case in self.judgement.cases.values() if case.frequency is not None), None)
@@ -365,7 +336,7 @@ class Findings:
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Lines that say whether the design is stiffer than each competitor of its mass."""
+        """Check for each competitor whether the design is stiffer at equal mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:
@@ -380,12 +351,9 @@ class Findings:
 
     @property
     def size_words(self) -> str:
-        """Mass, share of the surface and thickness."""
-        design = self.design
-        return (
-            f"{mass(design.mass)}, {share_words(design.area_fraction)} of the surface, "
-            f"{length_or_na(design.thickness)} thick"
-        )
+        """Mass, share of the surface, and thickness, as text."""
+        share, thickness = share_words(self.design.area_fraction), length_or_na(self.design.thickness)
+        return f"{mass(self.design.mass)}, {share} of the surface, {thickness} thick"
 
 
 def _severity(case: CaseResponse, answer: str) -> float:

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, for designs with and without equilibrium."""
+"""Sections of a compliance report, also for designs without equilibrium."""
 
 from collections.abc import Mapping, Sequence
 
@@ -41,24 +41,16 @@ PLANE = "The sheet is loaded in its own plane: there is no bending, and the two 
 
 
 def summary_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """The first page: verdict, picture and key results."""
-    picture = pictures.design(
-        number.figure(f"The structure, {findings.size_words}. Arrows are loads, cones are supports."), 0.86
-    )
-    return ReportSection(
-        "Summary",
-        [
-            *alternative_banners(findings),
-            verdict_banner(findings),
-            Paragraph(" ".join(comparison_sentences(findings)), "lead"),
-            picture,
-            tables.key_table(findings, number),
-        ],
-    )
+    """Return the first page: verdict, picture and key results."""
+    caption = number.figure(f"The structure, {findings.size_words}. Arrows are loads, cones are supports.")
+    picture = pictures.design(caption, 0.86)
+    words = Paragraph(" ".join(comparison_sentences(findings)), "lead")
+    banners = (*alternative_banners(findings), verdict_banner(findings))
+    return ReportSection("Summary", [*banners, words, picture, tables.key_table(findings, number)])
 
 
 def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Checks, each with its verdict."""
+    """Return tables of all checks with their verdicts."""
     blocks: list[Block] = [tables.checks_table(findings.checks, number, "The structure itself.")]
     if findings.claims:
         blocks.append(tables.checks_table(findings.claims, number, "Stiffness beside others of the same mass."))
@@ -73,7 +65,7 @@ def checks_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
 
 
 def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Structure, material and pattern."""
+    """Return tables of structure, material and pattern."""
     blocks: list[Block] = [tables.structure_table(findings, number)]
     if findings.compared.pattern is not None:
         blocks.append(tables.pattern_table(findings.compared.pattern, number))
@@ -81,7 +73,7 @@ def structure_section(findings: Findings, number: CaptionNumbers) -> ReportSecti
 
 
 def loads_section(findings: Findings, pictures: FindingsPictures, number: CaptionNumbers) -> ReportSection:
-    """Loads and supports, drawn for each case."""
+    """Return tables of loads and supports, and a picture for each case."""
     names = findings.cases_shown(tables.ordered_cases(findings))
     several = len(names) > 1
     figures = []
@@ -90,18 +82,12 @@ def loads_section(findings: Findings, pictures: FindingsPictures, number: Captio
             f"Load case {escaped_text(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
         )
         figures.append(pictures.case(name, number.figure(caption), 1.0 if several else 0.7, side_by_side=several))
-    return ReportSection(
-        "Loads and supports",
-        [
-            tables.acting_table(findings, number),
-            tables.loads_table(findings, number),
-            *([FigureRow(figures)] if several else figures),
-        ],
-    )
+    load_tables = (tables.acting_table(findings, number), tables.loads_table(findings, number))
+    return ReportSection("Loads and supports", [*load_tables, *([FigureRow(figures)] if several else figures)])
 
 
 def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """The compliance on finer and finer meshes, or by one solve."""
+    """Return the compliances on finer and finer meshes, or of the single solve."""
     levels = tables.levels_table(findings, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
@@ -127,7 +113,7 @@ def convergence_section(findings: Findings, number: CaptionNumbers) -> ReportSec
 def comparison_section(
     findings: Findings, number: CaptionNumbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]
 ) -> ReportSection:
-    """Structures of the same mass."""
+    """Return the comparison with structures of equal mass."""
     blocks: list[Block] = [Paragraph(text) for text in comparison_sentences(findings)]
     blocks.append(tables.rivals_table(findings, number))
     blocks += [
@@ -139,29 +125,24 @@ def comparison_section(
     full = findings.compared.full.compliance
     for rival in spreads:
         assert rival.spread is not None
-        best_ratio, mean_ratio, worst_ratio = (
-            significant_digits(getattr(rival.spread, name) / full) for name in ("best", "mean", "worst")
-        )
+        spread = rival.spread
+        best, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
         words = (
-            f"{LABELS[rival.name]}: {rival.spread.carried} of {rival.spread.tried} variants carry the loads, by "
-            "one solve "
-            f"each from {best_ratio} to {worst_ratio} times the compliance of the whole sheet, {mean_ratio} times "
-            "in the mean; the table "
-            "has the stiffest."
+            f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads, by one solve each "
+            f"from {best} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table has "
+            "the stiffest."
         )
         blocks.append(Paragraph(words, "quiet"))
     if "bars" in charts:
-        blocks.append(
-            _chart_figure(number.figure("Compliance of structures of one mass; thin lines are bounds."), charts["bars"])
-        )
+        caption = number.figure("Compliance of structures of one mass; thin lines are bounds.")
+        blocks.append(_chart_figure(caption, charts["bars"]))
     if findings.volumes:
         if words := thinner_sheet_words(findings):
             blocks.append(Paragraph(words))
         blocks.append(tables.volumes_table(findings, number))
     if "volumes" in charts:
-        blocks.append(
-            _chart_figure(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"])
-        )
+        caption = number.figure("Compliance over mass; the design's widths are scaled.")
+        blocks.append(_chart_figure(caption, charts["volumes"]))
     return ReportSection("The same mass spent otherwise", blocks)
 
 
@@ -173,14 +154,11 @@ def _chart_figure(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportF
 def displacement_and_stress_section(
     findings: Findings, pictures: FindingsPictures, number: CaptionNumbers
 ) -> ReportSection:
-    """Displacements and stress, each of the case or combination that decides it."""
-    (moving_case, moving), (stressed_case, stressed_answer) = (
-        findings.decisive_case("displacement"),
-        findings.decisive_case("stress"),
-    )
-    under = {
-        name: f" under {escaped_text(name)}" if len(findings.cases) > 1 else "" for name in (moving_case, stressed_case)
-    }
+    """Return displacements and stress in their decisive cases."""
+    moving_case, moving = findings.decisive_case("displacement")
+    stressed_case, stressed_answer = findings.decisive_case("stress")
+    several, names = len(findings.cases) > 1, (moving_case, stressed_case)
+    under = {name: f" under {escaped_text(name)}" if several else "" for name in names}
     moved_figure = pictures.displacement(
         findings.fields[moving_case],
         moving.displacement.value,
@@ -189,9 +167,8 @@ def displacement_and_stress_section(
     stress_figure = pictures.stress(
         findings.fields[stressed_case],
         number.figure(
-            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the sheet as it is "
-            "cut; on "
-            f"99 % of the area of the finest mesh at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
+            f"von Mises stress{under[stressed_case]}, the largest of top, middle and bottom of the sheet as it is cut; "
+            f"on 99 % of the area of the finest mesh at most {quantity(stressed_answer.stress.quantile, 'Pa')}."
         ),
     )
     words = Paragraph(
@@ -199,31 +176,25 @@ def displacement_and_stress_section(
         "the table has the stress of the finest mesh that was solved.",
         "quiet",
     )
-    return ReportSection(
-        "Displacements and stress",
-        [words, moved_figure, stress_figure, tables.stress_table(findings, number)],
-        own_page=True,
-    )
+    blocks: list[Block] = [words, moved_figure, stress_figure, tables.stress_table(findings, number)]
+    return ReportSection("Displacements and stress", blocks, own_page=True)
 
 
 def reactions_section(findings: Findings, number: CaptionNumbers) -> ReportSection:
-    """Reactions of each support, in each case."""
-    return ReportSection(
-        "Reactions and balance",
-        [tables.reactions_table(findings, name, number) for name in findings.cases_shown(findings.cases)],
-    )
+    """Return the reactions of each support in each case."""
+    names = findings.cases_shown(findings.cases)
+    return ReportSection("Reactions and balance", [tables.reactions_table(findings, name, number) for name in names])
 
 
 def scope_sections(findings: Findings) -> list[ReportSection]:
-    """Assumptions, and questions that nobody checked."""
+    """Return the assumptions, and the questions that dsfab does not check."""
     preset = findings.task.preset
     statics = preset.statics
     assumed = [
         "Linear elastic, isotropic material; small displacements; loads that do not follow the motion.",
-        f"A thin sheet of one thickness ({length_or_na(statics.thickness)}); where a load asks for its own "
-        "weight, it is "
-        "that of the material that is there, of the design and of each competitor. The directions of the stripes were "
-        f"sought with that of {'what stripes leave' if preset.pattern.rounds else 'the uncut sheet'}.",
+        f"A thin sheet of one thickness ({length_or_na(statics.thickness)}); where a load asks for its own weight, it "
+        "is that of the material that is there, of the design and of each competitor. The directions of the stripes "
+        f"were sought with that of {'what stripes leave' if preset.pattern.rounds else 'the uncut sheet'}.",
         "Supports are rigid unless they are springs, and hold in both directions.",
         "What lies on openings (snow, wind, pressure, cladding) is carried by a covering to the material nearest along "
         "the surface, with its sum and its moment, unless a load is not covered: then it acts on the members alone. A "
@@ -258,39 +229,29 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
 
 
 def calibration_section(number: CaptionNumbers) -> ReportSection:
-    """Tests of the rule that sets the error bound."""
+    """Return the tests of the rule that sets the error bound."""
     rows = calibration.shipped_table()
-    calibration_result = calibration.summary(rows)
-    kinds = len({row.kind for row in rows})
-    inside = round(calibration_result.inside * calibration_result.designs)
-    return ReportSection(
-        "Can the bound be believed?",
-        [
-            Paragraph(
-                f"The rule that gives the bound was tested on {calibration_result.designs} random designs on "
-                f"{kinds} surfaces, each "
-                f"solved on one or two meshes beyond those of its verdict: the compliance found there lies within the "
-                f"bound in <b>{inside} of {calibration_result.designs}</b> cases. The median bound is "
-                f"<b>{percent(calibration_result.median_bound)}</b>, the largest error of the value "
-                f"{percent(calibration_result.largest_error)}. "
-                f"One solve on the cut mesh (level quick) is off by {percent(calibration_result.quick_median)} in "
-                "the median, and by "
-                f"{percent(calibration_result.quick_most)} at most for nine in ten. The rule was fitted on these "
-                "designs: it is "
-                "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and makes it anew; "
-                "<code>dsfab verify</code> tests the elements on structures with published answers."
-            )
-        ],
+    result, kinds = calibration.summary(rows), len({row.kind for row in rows})
+    text = (
+        f"The rule that gives the bound was tested on {result.designs} random designs on {kinds} surfaces, each solved "
+        "on one or two meshes beyond those of its verdict: the compliance found there lies within the bound in "
+        f"<b>{round(result.inside * result.designs)} of {result.designs}</b> cases. The median bound is "
+        f"<b>{percent(result.median_bound)}</b>, the largest error of the value {percent(result.largest_error)}. One "
+        f"solve on the cut mesh (level quick) is off by {percent(result.quick_median)} in the median, and by "
+        f"{percent(result.quick_most)} at most for nine in ten. The rule was fitted on these designs: it is "
+        "calibrated, not proven. <code>dsfab verify --calibration</code> prints the table and makes it anew; "
+        "<code>dsfab verify</code> tests the elements on structures with published answers."
     )
+    return ReportSection("Can the bound be believed?", [Paragraph(text)])
 
 
 def reproduction_section(
-    findings: Findings, versions: Mapping[str, str], preset: str, number: CaptionNumbers
+    command: str, versions: Mapping[str, str], preset: str, number: CaptionNumbers
 ) -> ReportSection:
-    """Command, versions and preset of the report."""
+    """Return command, versions and preset of the report."""
     blocks: Sequence[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
-        Code(findings.command),
+        Code(command),
         tables.versions_table(versions, number),
         Paragraph("The preset in full, with every value that was left out:"),
         Code(preset),
@@ -306,7 +267,7 @@ def failed_sections(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """Return the sections for a design without equilibrium: it has no displacements, stresses and reactions."""
+    """Return all sections for a design without equilibrium; they hold no displacements, stresses and reactions."""
     return [
         _failed_summary(findings, pictures, number),
         checks_section(findings, number),
@@ -314,7 +275,7 @@ def failed_sections(
         loads_section(findings, pictures, number),
         *([comparison_section(findings, number, charts)] if findings.compared.rivals or findings.volumes else []),
         *scope_sections(findings),
-        reproduction_section(findings, versions, preset, number),
+        reproduction_section(findings.command, versions, preset, number),
     ]
 
 
@@ -350,12 +311,9 @@ def _failed_picture(findings: Findings, pictures: FindingsPictures, number: Capt
 
 def _failed_table(findings: Findings, number: CaptionNumbers) -> Table:
     design = findings.design
+    size = f"{share_words(design.area_fraction)} of the surface, {length_or_na(design.thickness)} thick"
     rows = [
-        (
-            "Mass",
-            mass(design.mass),
-            f"{share_words(design.area_fraction)} of the surface, {length_or_na(design.thickness)} thick",
-        ),
+        ("Mass", mass(design.mass), size),
         ("Pieces", str(design.pieces), f"{share_words(design.loose)} of what is drawn reaches no support"),
         ("Compliance", "none", "not in equilibrium"),
         *(_competitor_row(findings, name) for name in ("full", *(rival.name for rival in findings.compared.rivals))),
@@ -367,10 +325,7 @@ def _competitor_row(findings: Findings, name: str) -> tuple[str, str, str]:
     competitor, full = findings.compared[name], findings.compared.full
     label = escaped_text(LABELS[name])
     if competitor.judgement is None:
-        return (
-            label,
-            "none",
-            "does not carry the loads either" if competitor.structure or competitor.spread else "was not found",
-        )
+        exists = competitor.structure or competitor.spread
+        return label, "none", "does not carry the loads either" if exists else "was not found"
     ratio = f"{significant_digits(competitor.compliance / full.compliance)} times the compliance of the whole sheet"
     return label, mass(competitor.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"

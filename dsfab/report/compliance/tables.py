@@ -27,44 +27,30 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-AWAY_FROM_CORNERS = "further than a rib's width from corners"
-"""Region in which the largest stress converges."""
-
-DUST = 5e-5
-"""Share of the largest force below which a force is shown as 0."""
+AWAY_FROM_CORNERS = "further than a rib's width from corners"  # The largest stress converges only in this region.
+DUST = 5e-5  # A force below this share of the largest force is shown as 0.
 
 
 def checks_table(checks: list[CheckLine], number: CaptionNumbers, caption: str) -> Table:
-    """Checks with their result, limit and verdict."""
+    """Return a table of checks: name, result, limit and verdict."""
     rows = [(line.name, line.result, line.limit, line.status) for line in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
 
 
 def key_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """The numbers of the first page."""
-    (moving_case, moving), (stressed_case, stressed) = (
-        findings.decisive_case("displacement"),
-        findings.decisive_case("stress"),
-    )
+    """Return the key results of the first page."""
+    moving_case, moving = findings.decisive_case("displacement")
+    stressed_case, stressed = findings.decisive_case("stress")
     several = len(findings.cases) > 1
+    move_case, stress_case = (f", {escaped_text(name)}" * several for name in (moving_case, stressed_case))
+    stress_words = f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}{stress_case}"
+    move_words = f"at {point_words(moving.displacement.place)}{move_case}"
+    compliance = within(findings.judgement.compliance, findings.judgement.bound, "J")
     rows = [
         ("Mass", mass(findings.design.mass), f"{share_words(findings.design.area_fraction)} of the surface kept"),
-        (
-            "Compliance",
-            within(findings.judgement.compliance, findings.judgement.bound, "J"),
-            _full_sheet_ratio(findings),
-        ),
-        (
-            "Largest displacement",
-            length_or_na(moving.displacement.value),
-            f"at {point_words(moving.displacement.place)}{f', {escaped_text(moving_case)}' if several else ''}",
-        ),
-        (
-            "Von Mises stress",
-            quantity(stressed.stress.quantile, "Pa"),
-            f"on 99 % of the area; {quantity(stressed.stress.settled, 'Pa')} {AWAY_FROM_CORNERS}"
-            + (f", {escaped_text(stressed_case)}" if several else ""),
-        ),
+        ("Compliance", compliance, _full_sheet_ratio(findings)),
+        ("Largest displacement", length_or_na(moving.displacement.value), move_words),
+        ("Von Mises stress", quantity(stressed.stress.quantile, "Pa"), stress_words),
     ]
     if several:
         rows.insert(0, ("Governing load case", escaped_text(findings.cases[0]), f"of {len(findings.cases)}"))
@@ -77,7 +63,7 @@ def _full_sheet_ratio(findings: Findings) -> str:
 
 
 def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sizes, mass and material of the structure."""
+    """Return sizes, mass and material of the structure."""
     preset, design, task = findings.task.preset, findings.design, findings.task
     statics, sheet = preset.statics, findings.structure.sheet.surface if findings.has_structure else None
     size = [length_or_na(float(x)) for x in np.ptp(task.surface.V, axis=0)]
@@ -102,7 +88,7 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
-    """Spacing, dead ends and direction of both families of members."""
+    """Return spacing, dead ends and directions of both families of members."""
     families = [(name, family) for name, family in quality.families if family.drawn]
     rows = [
         ("Distance of members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
@@ -124,22 +110,19 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
 
 
 def _opening_range(family: FamilyQuality) -> str:
-    return (
-        f"{length_or_na(family.opening[0])} to {length_or_na(family.opening[2])}" if family.opening[2] > 0 else "none"
-    )
+    low, _, high = family.opening
+    return f"{length_or_na(low)} to {length_or_na(high)}" if high > 0 else "none"
 
 
 def _kept_words(design: Competitor, sheet: Surface | None) -> str:
     if sheet is None:
         return "nothing: see the verdict"
-    return (
-        f"{significant_digits(sheet.area)} m² ({share_words(design.area_fraction)}), in "
-        f"{count_phrase(design.pieces, 'piece')}"
-    )
+    share, pieces = share_words(design.area_fraction), count_phrase(design.pieces, "piece")
+    return f"{significant_digits(sheet.area)} m² ({share}), in {pieces}"
 
 
 def loads_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Sums of forces of each case and combination, and their checks; on the cut sheet if it carries all of them."""
+    """Return the sums of forces of each case and combination, on the cut sheet if it carries all of them."""
     task, rows = findings.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -179,12 +162,12 @@ def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
 
 
 def ordered_cases(findings: Findings) -> list[str]:
-    """Return the names of all cases, those with a judgement first."""
+    """Return the names of all cases, first the cases with a judgement."""
     return [*findings.cases, *(name for name in findings.task.statics.cases if name not in findings.cases)]
 
 
 def acting_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Loads and supports of the preset."""
+    """Return the loads and supports of the preset."""
     surface = findings.task.preset.surface
     rows = [(x.name or "Load", x.case, x.kind.replace("_", " "), _settings_words(x)) for x in surface.load]
     rows += [
@@ -244,7 +227,7 @@ def _value_words(value: Any) -> str:
 
 
 def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
-    """Meshes of the full check, for the governing case; None after a quick check."""
+    """Return the meshes of the full check for the governing case; None after a quick check."""
     check, name = findings.judgement.check, findings.cases[0]
     if check is None:
         return None
@@ -274,35 +257,23 @@ def levels_table(findings: Findings, number: CaptionNumbers) -> Table | None:
         "Level 1 is the mesh as it is cut, each further one has four triangles for one, new points on the smooth "
         "surface. The spread of the pairs is that of level 1. ZZ: recovery error. Memory of the whole process."
     )
-    head = (
-        "Level",
-        "Triangles",
-        "Unknowns",
-        f"{elements_of('compliance')}, {unit}",
-        f"{elements_of('spread')}, {unit}",
-        "Spread",
-        "ZZ memb.",
-        "ZZ bend.",
-        "Residual",
-        "s",
-        "GB",
-    )
+    pairs = (f"{elements_of(use)}, {unit}" for use in ("compliance", "spread"))
+    head = ("Level", "Triangles", "Unknowns", *pairs, "Spread", "ZZ memb.", "ZZ bend.", "Residual", "s", "GB")
     caption = f"Compliance mesh after mesh{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
     return Table(number.table(caption), head, rows, 1, note, (0.8, 1.2, 1.2, 1.3, 1.4, 1, 1, 1, 1, 0.8, 0.8))
 
 
 def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Cases with a judgement, the governing one first."""
+    """Return the cases with a judgement, the governing case first."""
     check, rows = findings.judgement.check, []
     for name in findings.cases:
         case = findings.judgement.cases[name]
         value = check.case(name) if check else None
+        compliance, bound = (value.value, value.bound) if value else (case.compliance, findings.judgement.bound)
         rows.append(
             (
                 escaped_text(name),
-                within(value.value, value.bound, "J")
-                if value
-                else within(case.compliance, findings.judgement.bound, "J"),
+                within(compliance, bound, "J"),
                 value.status if value else "unknown",
                 length_or_na(case.displacement.value),
                 quantity(case.stress.quantile, "Pa"),
@@ -312,28 +283,21 @@ def cases_table(findings: Findings, number: CaptionNumbers) -> Table:
         )
     head = ("Load case", "Compliance", "Verdict", "Moves at most", "von Mises", "Tension", "Compression")
     note = "Stress: what 99 % of the area does not exceed, of the top, the middle and the bottom of the sheet."
-    return Table(
-        number.table("Load cases, the governing one first."), head, rows, 1, note, (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
-    )
+    widths = (1.6, 2.4, 1.1, 1.4, 1.4, 1.4, 1.6)
+    return Table(number.table("Load cases, the governing one first."), head, rows, 1, note, widths)
 
 
 def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Largest stresses with their places, of the case that decides the stress."""
+    """Return the largest stresses and their places, in the case that decides the stress."""
     name, case = findings.decisive_case("stress")
-    rows = [
-        (
-            label,
-            quantity(extreme.quantile, "Pa"),
-            quantity(extreme.settled, "Pa"),
-            quantity(extreme.value, "Pa"),
-            point_words(extreme.place),
-        )
-        for label, extreme in (
-            ("von Mises", case.stress),
-            ("Largest principal (tension)", case.tension),
-            ("Smallest principal (compression)", case.compression),
-        )
-    ]
+    rows = []
+    for label, extreme in (
+        ("von Mises", case.stress),
+        ("Largest principal (tension)", case.tension),
+        ("Smallest principal (compression)", case.compression),
+    ):
+        values = (quantity(value, "Pa") for value in (extreme.quantile, extreme.settled, extreme.value))
+        rows.append((label, *values, point_words(extreme.place)))
     head = ("Stress", "99 % of the area", "Off corners by a rib's width", "This mesh shows", "At")
     note = (
         "At corners that bend inwards and where supports end, the peak is not a number: it is infinite, and what a "
@@ -346,7 +310,7 @@ def stress_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 
 def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Table:
-    """Reactions of each support in one case, and their balance with the load."""
+    """Return the reactions of each support in one case, and their balance with the loads."""
     case = findings.judgement.cases[name]
     loads = findings.fields[name].load.force.sum(axis=0)
     reaction_sum = np.sum(case.reactions, axis=0)
@@ -369,7 +333,7 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Competitors with mass, compliance, displacement, stress and level of judgement."""
+    """Return all competitors with mass, compliance, displacement, stress and level of judgement."""
     rows = [_rival_row(findings, competitor) for competitor in findings.compared.competitors]
     _, unit = prefixed_unit(findings.reference_compliance, "J")
     head = (
@@ -409,19 +373,15 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Compliance over that of the whole sheet, at each share of the surface."""
+    """Return compliances over that of the whole sheet, at each share of the surface."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:
         cells = [_ratio(compared[name], compared.full.compliance) for name in names]
         rows.append((percent(share), mass(share * compared.full.mass), *cells))
     head = ("Share", "Mass", *(LABELS[name] for name in names))
-    levels = {
-        competitor.judgement.level
-        for _, compared in findings.volumes
-        for competitor in compared.competitors
-        if competitor.judgement
-    }
+    competitors = [competitor for _, compared in findings.volumes for competitor in compared.competitors]
+    levels = {competitor.judgement.level for competitor in competitors if competitor.judgement}
     level_note = {
         frozenset(("full",)): "Judged by full checks.",
         frozenset(("quick",)): "Judged by one solve each, whole sheets on their coarse meshes too.",
@@ -435,7 +395,7 @@ def _ratio(competitor: Competitor, full: float) -> str:
 
 
 def versions_table(versions: Mapping[str, str], number: CaptionNumbers) -> Table:
-    """Versions of dsfab and of the libraries that a result depends on."""
+    """Return the versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
 

@@ -1,4 +1,4 @@
-"""The verdict of a report in sentences: on the structure itself, and in comparison with structures of equal mass."""
+"""Sentences of a report: the verdict on the structure itself, and comparisons with structures of equal mass."""
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import (
@@ -22,12 +22,12 @@ TITLES = {
 
 
 def verdict_banner(findings: Findings) -> Banner:
-    """Return the verdict on the structure itself."""
+    """Return the banner with the verdict on the structure itself."""
     missed = [check for check in findings.checks if check.status == findings.status != "pass"]
     if not findings.carries:
-        return Banner(
-            "fail", "Fail: the structure does not carry its loads", f"{_capitalised_markup(findings.design.error)}."
-        )
+        error = findings.design.error
+        text = escaped_text(error[0].upper() + error[1:])
+        return Banner("fail", "Fail: the structure does not carry its loads", f"{text}.")
     if findings.status == "fail":
         text = " ".join(f"{check.name}: {check.result} (wanted: {check.limit})." for check in missed)
         return Banner("fail", f"Fail: {enumeration([check.name.lower() for check in missed])}", text)
@@ -44,7 +44,7 @@ def verdict_banner(findings: Findings) -> Banner:
 
 
 def alternative_banners(findings: Findings) -> list[Banner]:
-    """Return a warning if a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
+    """Return a warning if a thinner sheet or isotropic stripes of equal mass are stiffer; else nothing."""
     stiffer = [alternative for alternative in findings.compared.alternatives if alternative.is_stiffer]
     if not stiffer:
         return []
@@ -60,11 +60,9 @@ def alternative_banners(findings: Findings) -> list[Banner]:
 
 
 def comparison_sentences(findings: Findings) -> list[str]:
-    """Return a sentence on the design beside each competitor."""
+    """Return a sentence for each competitor: how much stiffer or softer the design is."""
     lines = [_rival_sentence(findings, rival) for rival in findings.compared.rivals]
-    if not lines:
-        lines = ["It was compared with no other structure."]
-    return lines
+    return lines or ["It was compared with no other structure."]
 
 
 def _rival_sentence(findings: Findings, rival: Competitor) -> str:
@@ -73,10 +71,9 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
     if rival.judgement is None:
         return f"No structure was found for <b>{label}</b>: {escaped_text(first_reason(rival.error))}."
     if not findings.carries:
-        ratio = (
-            f"{significant_digits(rival.compliance / findings.compared.full.compliance)} times that of the whole sheet"
-        )
-        return f"Of the same mass, <b>{label}</b> would carry the loads; compliance {ratio}."
+        ratio = significant_digits(rival.compliance / findings.compared.full.compliance)
+        words = f"compliance {ratio} times that of the whole sheet"
+        return f"Of the same mass, <b>{label}</b> would carry the loads; {words}."
     low, middle, high = findings.stiffness_ratio(rival)
     if rival.name == "thinner":
         return _thinner_sentence(findings, rival)
@@ -89,12 +86,8 @@ def _rival_sentence(findings: Findings, rival: Competitor) -> str:
     return f"{opening_words} {range_words(low, middle, high)} times as stiff: too close to call within what is known."
 
 
-def _capitalised_markup(error: str) -> str:
-    return escaped_text(error[0].upper() + error[1:])
-
-
 def first_reason(error: str) -> str:
-    """Return the reason of a failure without the example that follows it."""
+    """Return the first reason in the text of an error."""
     return error.split("; the first: ")[0]
 
 
@@ -108,16 +101,12 @@ def _thinner_sentence(findings: Findings, rival: Competitor) -> str:
             f"({1 / high:.3g} to {1 / low:.3g}). Keeping {kept_share} of the surface does not pay in stiffness here; "
             "openings have to be wanted for other reasons, such as light, air, or a thickness that cannot be had."
         )
-    if low > 1:
-        return (
-            f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: "
-            "concentrating material pays."
-        )
-    return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: too close to call."
+    verdict = "concentrating material pays" if low > 1 else "too close to call"
+    return f"Beside {thinner_words} the design is {range_words(low, middle, high)} times as stiff: {verdict}."
 
 
 def thinner_sheet_words(findings: Findings) -> str:
-    """Return a sentence with the masses at which a thinner whole sheet is stiffer; '' without such masses."""
+    """Return sentences on the shares of material at which a thinner whole sheet is stiffer; '' if none was compared."""
     pairs = [
         (f"{share:.0%}", compared.design, compared["thinner"])
         for share, compared in findings.volumes
@@ -128,16 +117,14 @@ def thinner_sheet_words(findings: Findings) -> str:
     open_shares = [share for share, _, _ in pairs if share not in (*lost, *won)]
     lines = []
     if lost:
-        lines.append(
-            f"<b>At {enumeration(lost)} of the material a thinner whole sheet of the same mass is stiffer.</b>"
-        )
+        shares = f"{enumeration(lost)} of the material"
+        lines.append(f"<b>At {shares} a thinner whole sheet of the same mass is stiffer.</b>")
     if won:
         where = "every share that was tried" if len(won) == len(pairs) else f"{enumeration(won)} of the material"
         lines.append(f"At {where} the design is stiffer than a thinner whole sheet of the same mass.")
     if open_shares:
-        lines.append(
-            f"At {enumeration(open_shares)} design and thinner sheet are too close to call within their bounds."
-        )
+        shares = enumeration(open_shares)
+        lines.append(f"At {shares} design and thinner sheet are too close to call within their bounds.")
     return " ".join(lines)
 
 
@@ -152,11 +139,10 @@ def _highest_compliance(competitor: Competitor) -> float:
 def verdict_line(findings: Findings) -> str:
     """Return the verdict as a line for the terminal: 'pass: compliance 59.9 J ± 1.8 % ...'."""
     if not findings.carries:
-        return "fail: the design does not carry its loads"  # the table above has the reason
+        return "fail: the design does not carry its loads"  # the printed table has the reason
     words = within(findings.judgement.compliance, findings.judgement.bound, "J")
     missed_check = next((check for check in findings.checks if check.status == findings.status != "pass"), None)
-    is_known = missed_check is None or missed_check.name == "Compliance is known"
-    reason = (
-        findings.judgement.reason if is_known or missed_check is None else f"{missed_check.name}: {missed_check.result}"
-    )
+    reason = findings.judgement.reason
+    if missed_check is not None and missed_check.name != "Compliance is known":
+        reason = f"{missed_check.name}: {missed_check.result}"
     return f"{findings.status}: compliance {words}, {mass(findings.design.mass)}; {without_markup(reason)}"

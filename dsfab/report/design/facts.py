@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
-    """Return a table of the `count` best candidates, best first; empty without an automatic choice."""
+    """Return a table of the `count` best candidates of an automatic choice, best first; empty without such a choice."""
     if choice is None:
         return []
     rows = [_candidate_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
@@ -39,7 +39,7 @@ def _candidate_row(rank: int, candidate: "Candidate") -> tuple[str, ...]:
 
 
 def attempt_lines(attempts: "Sequence[Attempt]") -> list[str]:
-    """Return a table of methods and width rules, best first; empty without a search for them."""
+    """Return a table of the methods and width rules that a search tried, best first; empty without a search."""
     if not attempts:
         return []
     rows = [(f"{rank}", attempt.name, *_attempt_cells(attempt)) for rank, attempt in enumerate(attempts, start=1)]
@@ -53,7 +53,7 @@ def _attempt_cells(attempt: "Attempt") -> tuple[str, ...]:
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
-    """Return `attempts` of `design.json`, best first; a refused attempt has no numbers."""
+    """Return the key `attempts` of `design.json`, best first; a refused attempt has no numbers."""
     return {} if not attempts else {"attempts": [_attempt_facts(attempt) for attempt in attempts]}
 
 
@@ -71,11 +71,9 @@ def _attempt_facts(attempt: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(alternatives: "Sequence[Alternative]") -> dict[str, Any]:
-    """Return `loses_to` of `design.json`, a sentence or '', and `alternatives`, the numbers behind it."""
-    return {
-        "loses_to": losing_line(alternatives),
-        "alternatives": [alternative.record() for alternative in alternatives],
-    }
+    """Return two keys of `design.json`: `loses_to`, a sentence or '', and `alternatives`, the numbers behind it."""
+    records = [alternative.record() for alternative in alternatives]
+    return {"loses_to": losing_line(alternatives), "alternatives": records}
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
@@ -87,14 +85,13 @@ def _alternative_line(alternative: Mapping[str, Any]) -> str:
     subject = f"{ALTERNATIVE_WORDS[alternative['name']]} of the same mass"
     if alternative.get("error"):
         return f"beside {subject}: there is none that carries the loads"
-    verdict = (
-        "does not carry its loads" if alternative["over"] is None else f"has {alternative['over']:.3g} x its compliance"
-    )
+    over = alternative["over"]
+    verdict = "does not carry its loads" if over is None else f"has {over:.3g} x its compliance"
     return f"beside {subject}: the design {verdict} ({alternative['level']})"
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """Return `candidates` of `design.json`, best first; a refused candidate has no numbers."""
+    """Return the key `candidates` of `design.json`, best first; a refused candidate has no numbers."""
     return {} if choice is None else {"candidates": [_candidate_facts(candidate) for candidate in choice.candidates]}
 
 
@@ -147,10 +144,7 @@ def design_facts(
         "thickening": {"side": design.preset.thickening.side, **asdict(design.solid.repairs)},
         "files": files,
         "refused": refused,
-        "warnings": [
-            *(f"{note.stage}: {note.text}" for note in design.notes),
-            *(f"export: {text}" for text in export_notes),
-        ],
+        "warnings": [f"{note.stage}: {note.text}" for note in design.notes] + [f"export: {x}" for x in export_notes],
         "seconds": {row: round(value, 4) for row, value in seconds.items()},
         "versions": versions(),
     }

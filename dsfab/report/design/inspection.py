@@ -15,12 +15,11 @@ if TYPE_CHECKING:
 
 
 def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
-    """Return `supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
+    """Return `supports` and `loads` of `design.json`; reactions and their shares belong to the uncut sheet.
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
 
     solved : whether to add reactions, which need the statics.
-    Raises DsfabError for supports and loads that select nothing, and if the statics fail.
-    """
+    Raises DsfabError for supports and loads that select nothing, and if the statics fail."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
@@ -59,7 +58,7 @@ def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """(3,) newtons of a load on the cut sheet: uncovered loads and weight act on the material alone."""
+    """Return the sum (3,) of a load on the cut sheet, newtons; weight and uncovered loads act on the material alone."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -70,7 +69,7 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports, each in its largest case, and a table of loads; nothing for files without them."""
+    """Yield a table of supports, each with its largest reaction, and a table of loads; nothing without such facts."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
@@ -90,13 +89,13 @@ def _support_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
         return cells
     size = {case: vector_size(reaction) for case, reaction in entry["reaction_N"].items()}
     largest_case = max(size, key=lambda case: size[case])
-    carried = force(size[largest_case]) if entry["share"][largest_case] > 1e-9 else "0 N"  # less is rounding
+    carried = force(size[largest_case]) if entry["share"][largest_case] > 1e-9 else "0 N"  # less is a rounding error
     return [*cells, carried, f"{entry['share'][largest_case]:.0%}", *([largest_case] if several else [])]
 
 
 def _load_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
     sizes = [vector_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
-    balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # for example, pressure from all sides cancels out
+    balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # pressure from all sides cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
     direction = "cancels out" if balanced else direction_phrase(entry["force_N"])
     return entry["name"], *([entry["case"]] if several else []), *sums, direction, _extent_words(entry)
@@ -119,7 +118,7 @@ QUANTILES = ("5%", "50%", "95%")
 
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
-    """Return `pattern` of `design.json` in metres, degrees and shares; see `PatternQuality` for each number."""
+    """Return the key `pattern` of `design.json`; see `PatternQuality` for its numbers."""
     families = {name: _family_facts(family_quality) for name, family_quality in quality.families}
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
     return {"summary": quality.summary, **families, **shared}
@@ -140,7 +139,7 @@ def _family_facts(quality: "FamilyQuality") -> dict[str, Any]:
 
 
 def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a line of dead ends, slits and directions, then the openings of each family and their spread."""
+    """Yield lines on dead ends, slits and directions, then on the openings of each family."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
@@ -154,24 +153,22 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name} members: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)
-"""Shares of the walls whose widths `design.json` lists."""
+SHARES = (0.05, 0.5, 0.95)  # `design.json` lists the member widths that these shares of all walls do not exceed.
 
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
-"""Key of `design.json` that each limit is compared with."""
+"""Measure in `design.json` that belongs to each limit of [fabrication]."""
 
 
 def fabrication_facts(measures: "FabricationMeasures") -> dict[str, Any]:
-    """Return the measures of a design, metres, and the limits of its preset; null without a feature of a kind."""
+    """Return measures and limits of fabrication for `design.json`, metres; None for a feature that the design lacks."""
     features, wall = measures.features, measures.wall
+    wall_facts = wall and {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"}
     return {
         "thickness_m": measures.thickness,
         "smallest_member": _feature_facts(features.member),
         "smallest_gap": _feature_facts(features.gap),
         "smallest_edge": _feature_facts(features.edge),
-        "thinnest_wall": None
-        if wall is None
-        else {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"},
+        "thinnest_wall": wall_facts,
         "member_widths": _width_facts(features),
         "size_m": measures.box.tolist(),
         "pieces": [
@@ -222,8 +219,8 @@ def _check_facts(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the smallest features, those narrower than the sheet is thick, the pieces, and a table of limits.
-    The table lists limits of the preset, and limits that the design misses."""
+    """Yield lines on the smallest features and the pieces, and a table of limits.
+    The table lists the limits of the preset, and dsfab's own limits that the design misses."""
     sizes = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     words = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in sizes.items()]
     usual_width = facts["member_widths"]["at_share_of_walls"].get("50%")
@@ -244,20 +241,13 @@ def _is_limit_of_preset(check: Mapping[str, Any]) -> bool:
 
 def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
     thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _is_limit_of_preset(c)}
-    unlimited = {
-        key: facts[MEASURED_KEY[key]]
-        for key in ("min_gap", "min_member")
-        if facts[MEASURED_KEY[key]] and key not in limits
-    }
-    narrow = {key: v for key, v in unlimited.items() if v["m"] < thickness}
+    measured = {key: facts[MEASURED_KEY[key]] for key in ("min_gap", "min_member") if key not in limits}
+    narrow = {key: v for key, v in measured.items() if v and v["m"] < thickness}
     if narrow:
         places = (f"{v['what']} of {length(v['m'])} at {_point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
-        yield (
-            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {missing_limits} "
-            "and build "
-            "with --fix where that cannot be made"
-        )
+        words = f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}"
+        yield f"{words}; set {missing_limits} and build with --fix where that cannot be made"
 
 
 def _touched_words(piece: Mapping[str, Any]) -> str:

@@ -1,4 +1,4 @@
-"""Writing a design as a folder of files: `dsfab build`, the editor's Build and `design.save`."""
+"""Writing a design as a folder of files, for `dsfab build`, the editor and `design.save`."""
 
 import json
 import shutil
@@ -20,18 +20,17 @@ from dsfab.preset.model import Preset
 from dsfab.report.design.facts import alternative_facts, design_facts
 from dsfab.report.design.inspection import fabrication_facts, quality_facts
 from dsfab.study import design_alternatives, is_searched, require_fit
-from dsfab.study.fabrication import FabricationMeasures, fabrication
+from dsfab.study.fabrication import fabrication
 from dsfab.thickening import SplitBodies, parts
 
-MARKED_PICTURE = (1600, 1200)
-"""Pixels of fabrication.png."""
+MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
 
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats with limits of size. If a design exceeds a limit, the remaining formats are written, with a note."""
+"""Formats with a limit of size; if a file would exceed the limit, dsfab reports it and writes the other formats."""
 
 
 class SavedDesign(NamedTuple):
-    """Content of `design.json`, messages about the files, and the reason why a format was refused, or ''."""
+    """Content of `design.json`, messages about the files, and the reason why dsfab refused a format, or ''."""
 
     facts: Mapping[str, Any]
     messages: tuple[str, ...]
@@ -39,7 +38,7 @@ class SavedDesign(NamedTuple):
 
 
 class _WrittenFiles(NamedTuple):
-    """Names of files, lines about them, notes for `design.json`, and reasons of refused formats."""
+    """Names of files, lines about them, notes for `design.json`, and reasons for refused formats."""
 
     names: list[str]
     reports: list[str]
@@ -54,8 +53,8 @@ def save(
 
     picture : also write preview.png.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
-    Raises ExportError for a folder that cannot be written; `SavedDesign.refused` reports a STEP file that is too large.
-    Raises PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`.
+    Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
+    Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
     """
     with atomic_folder(Path(folder)) as build_folder:
         with _picture_meanwhile(design, build_folder / "preview.png", progress) if picture else nullcontext():
@@ -87,12 +86,14 @@ def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> d
         progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
         measured |= alternative_facts(design_alternatives(design))
     if marks:
-        _draw_marks(design, measures, marks)
+        from dsfab.render.fabrication import write_workshop_picture
+
+        write_workshop_picture(marks, design, measures, MARKED_PICTURE)
     return measured
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Load the drawing libraries in another process while the design is made, if the caller wants a picture."""
+    """Load the drawing libraries in another process during the computation, if the caller wants a picture."""
     from dsfab.render.design_picture import start_picture_program
 
     return start_picture_program() if picture else nullcontext()
@@ -111,19 +112,15 @@ def _picture_meanwhile(design: Design, path: Path, progress: Progress) -> Iterat
 
 def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Preset) -> None:
     write(design.sheet.surface, build_folder / "sheet.ply")
-    _copy_mesh(preset, folder, build_folder)
+    name = getattr(preset.surface, "file", None)
+    if name is not None and not name.is_absolute() and (folder / name).is_file() and not (build_folder / name).exists():
+        shutil.copy2(folder / name, build_folder / name)
     write_archive(design, build_folder, preset)
     (build_folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
 
 
-def _copy_mesh(preset: Preset, folder: Path, build_folder: Path) -> None:
-    name = getattr(preset.surface, "file", None)
-    if name is not None and not name.is_absolute() and (folder / name).is_file() and not (build_folder / name).exists():
-        shutil.copy2(folder / name, build_folder / name)
-
-
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
-    """Write all formats of the preset and call `numbers` meanwhile; slow formats start first."""
+    """Write all formats of the preset, slow formats first, and call `numbers` meanwhile."""
     suffixes = design.preset.export.formats
     files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
 
@@ -141,17 +138,13 @@ def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Ca
                 slow_names.append(f"{design.preset.name}.{suffix}")
                 files_by_suffix[suffix] = _write_format(design, folder, suffix, progress)
         slow_names.clear()
-    all_files = _WrittenFiles(
-        *(
-            [text for suffix in suffixes for text in files_by_suffix[suffix][k]]
-            for k in range(len(_WrittenFiles._fields))
-        )
-    )
+    fields = range(len(_WrittenFiles._fields))
+    all_files = _WrittenFiles(*([text for suffix in suffixes for text in files_by_suffix[suffix][k]] for k in fields))
     return all_files._replace(notes=merged_notes({suffix: files_by_suffix[suffix].notes for suffix in suffixes}))
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Merge notes by format: a note of several files appears once, with their suffixes in front."""
+    """Merge the notes of all formats: a note on several formats appears once, after their suffixes."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:
@@ -181,9 +174,3 @@ def _write_part_files(design: Design, folder: Path) -> Iterator[str]:
         return
     for number, part in enumerate(parts(design.solid), 1):
         yield write(part, folder / f"{design.preset.name}_{number}.stl").name
-
-
-def _draw_marks(design: Design, measures: FabricationMeasures, path: Path) -> None:
-    from dsfab.render.fabrication import write_workshop_picture
-
-    write_workshop_picture(path, design, measures, MARKED_PICTURE)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
-    """Return stress, energy and further answers for the uncut sheet under one load; SI units.
+    """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
     `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
     Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
@@ -47,30 +47,26 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
-    """Return the lowest buckling factor of each case and the lowest frequency of the uncut sheet, with intervals.
-    Finer meshes give the intervals. The design keeps the result."""
+    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals by finer meshes.
+    The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     questions = design.preset.statics.analyses
-    return design.cached_result(
-        "statics",
-        "mode_intervals",
-        lambda: mode_intervals(LoadedSurface.from_design(design), whole_sheet(design.surface), questions, BUDGET),
-    )
+
+    def intervals() -> "ModeIntervals":
+        return mode_intervals(LoadedSurface.from_design(design), whole_sheet(design.surface), questions, BUDGET)
+
+    return design.cached_result("statics", "mode_intervals", intervals)
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return `mode_intervals` of `design.json`: values with half widths relative to them; empty without a request."""
+    """Return the key `mode_intervals` of `design.json`, with relative half-widths as bounds; empty without a
+    request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)
-    facts: dict[str, Any] = {
-        "buckling": {
-            name: {"factor": interval.value, "bound": interval.finite_bound}
-            for name, interval in intervals.buckling.items()
-        },
-        "triangles": [level.triangles for level in intervals.levels],
-    }
+    buckling = {name: {"factor": x.value, "bound": x.finite_bound} for name, x in intervals.buckling.items()}
+    facts: dict[str, Any] = {"buckling": buckling, "triangles": [level.triangles for level in intervals.levels]}
     if intervals.hertz:
         facts["frequency"] = {"hertz": intervals.hertz.value, "bound": intervals.hertz.finite_bound}
     remarks = {"assumed": intervals.assumed, "refusals": list(intervals.refusals)}
@@ -78,7 +74,7 @@ def mode_facts(design: "Design") -> dict[str, Any]:
 
 
 def mode_lines(design: "Design") -> list[str]:
-    """Return the lowest buckling factor and frequency as a line, for the case that buckles first."""
+    """Return a line on the lowest buckling factor and the lowest frequency, for the case that buckles first."""
     if not design.preset.statics.analyses.modes:
         return []
     intervals, words = uncut_modes(design), []
@@ -95,7 +91,8 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return stress (not of `hinge` elements), buckling and vibration as lines, for the worst case or combination."""
+    """Return lines on the largest stress (not of `hinge` elements), on buckling and on vibration, in the worst
+    cases."""
     cases = design.statics.cases
     answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
@@ -103,16 +100,12 @@ def answer_lines(design: "Design") -> list[str]:
     worst = max(answers, key=lambda name: answers[name].stress.peak.stress)
     if answers[worst].elements.bending != "hinge":
         lines.append(_largest_stress_line(design, answers[worst], under[worst]))
-    factors = {
-        name: a.buckling.factor for name, a in answers.items() if a.buckling is not None and len(a.buckling.factor)
-    }
-    if factors:
+    buckled = {name: answer.buckling for name, answer in answers.items() if answer.buckling is not None}
+    if factors := {name: buckling.factor for name, buckling in buckled.items() if len(buckling.factor)}:
         worst = min(factors, key=lambda name: float(factors[name][0]))
         listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
-        lines.append(
-            f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
-            "to a half)"
-        )
+        caution = "(linear, perfect shape; real shells at a fifth to a half)"
+        lines.append(f"uncut sheet{under[worst]}: buckles at {listed} x the load {caution}")
     if (vibration := answers[worst].vibration) is not None:
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
@@ -155,7 +148,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
 
 
 def cut_load_facts(design: "Design") -> dict[str, Any]:
-    """Return `load_N`, newtons on the cut sheet by case and combination; empty if a load meets no material."""
+    """Return `load_N`: the load in newtons on the cut sheet, by case; empty if a load meets no material."""
     from dsfab.core.errors import DsfabError
     from dsfab.design import loads_on
 
@@ -168,7 +161,7 @@ def cut_load_facts(design: "Design") -> dict[str, Any]:
 
 
 def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
-    """Return sums of loads and reactions and their moments about the origin, in total and for each support."""
+    """Return the sums of loads and reactions, and their moments about the origin, in total and for each support."""
     from dsfab.design import acting_on
     from dsfab.statics import resultant, support_reactions
 
@@ -194,16 +187,12 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 
 def case_lines(design: "Design") -> list[str]:
-    """Return lines on the stiffness of the uncut sheet and its reactions: two lines for one case, else a line for
-    each.
-    """
+    """Return lines on stiffness and reactions of the uncut sheet: two for a single case, else one for each case."""
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()
-        return [
-            f"uncut sheet: {_stiffness_words(case.equilibrium)}",
-            _balance_words(design, case.load, case.equilibrium),
-        ]
+        stiffness = f"uncut sheet: {_stiffness_words(case.equilibrium)}"
+        return [stiffness, _balance_words(design, case.load, case.equilibrium)]
     followed, rule = design.preset.followed_weights, design.preset.surface.combinations
     governing = _governing_combinations(design) if rule else {}
     standard_names = {combination.name for combination in design.preset.surface.standard_sums}
@@ -215,11 +204,8 @@ def case_lines(design: "Design") -> list[str]:
     ]
     if rule:
         governing_words = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
-        return [
-            *lines,
-            f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together; "
-            f"{governing_words}",
-        ]
+        words = f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together"
+        return [*lines, f"{words}; {governing_words}"]
     return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
 
 
@@ -244,6 +230,6 @@ def _balance_words(design: "Design", load: "LoadCase", answer: "Equilibrium") ->
 
     parts = ", ".join(size_words(part["reaction_N"]) for part in sums["supports"])
     sum_of_sizes = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
-    # reactions of an arch also push sideways, so their sizes add up to more than the loads
+    # an arch also pushes its supports sideways, so the sizes of reactions sum to more than the loads
     thrust = ", their thrust included" if sum_of_sizes > 1.02 * vector_size(sums["load_N"]) else ""
     return f"loads sum to {size_words(sums['load_N'])}; supports carry {parts}{thrust}"

@@ -1,7 +1,7 @@
-"""The report on members: section forces and utilisation against the Eurocode of their material."""
+"""The report on members: section forces, and utilisation by the Eurocode of the material."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,7 +17,6 @@ from dsfab.members.frame import COMPONENTS
 from dsfab.preset.file import preset_toml
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page
-from dsfab.report.compliance import tables
 from dsfab.report.compliance.figures import (
     BANDS,
     SIZE,
@@ -29,13 +28,13 @@ from dsfab.report.compliance.figures import (
     without_empty_rows,
 )
 from dsfab.report.compliance.findings import length_or_na, percent, prefixed_unit, round_number_above
+from dsfab.report.compliance.sections import reproduction_section
 from dsfab.report.design.facts import versions
 from dsfab.report.html_pages import (
     Banner,
     Block,
     Bullets,
     CaptionNumbers,
-    Code,
     ColourScale,
     Document,
     Paragraph,
@@ -54,10 +53,8 @@ if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 
-UNITS = (*["N"] * 3, *["N m"] * 3)
-"""Units of the components: forces, then moments."""
-DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
-"""Number, name and unit of each component."""
+UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
+DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
 
 DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
 """Width and height of a row of diagrams in inches; the axis below takes half a row more."""
@@ -66,13 +63,12 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw two rows for each member in its case or combination: N, Vy, Vz, and below them Mt, My, Mz.
-    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
-    """
+    """Draw two rows of diagrams for each member in its case: N, Vy, Vz, and below them Mt, My, Mz.
+    Grey lines show the least and the greatest value of all cases; strokes at the bottom mark nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    across = 3  # forces above, moments below
+    across = 3  # forces stand above moments
     lines = len(DIAGRAM_COMPONENTS) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
@@ -119,12 +115,11 @@ def _draw_component(axes: "Axes", forces: "MemberForces", case: str, component: 
     axes.tick_params(length=2, pad=2)
 
 
-WORST_COUNT = 10
-"""Members with a row, a diagram and a name in the report."""
+WORST_COUNT = 10  # Number of members that get a row, a diagram and a name.
 
 
 def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
-    """Draw the structure in the colours of its utilisation; without graphics the figure has the reason."""
+    """Draw the structure in colours of its utilisation; without graphics the figure holds the reason."""
     from dsfab.render import band_colours, rated_members_picture
 
     utilisation = design.member_utilisation
@@ -141,25 +136,21 @@ def rating_figure(design: Design, number: CaptionNumbers) -> ReportFigure:
     )
     scale = ColourScale("utilisation: 100 % is full", band_colours(count), labels)
     try:
-        pixels = without_empty_rows(
-            rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE), WHITE.paper
-        )
+        pixels = rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE)
     except DsfabError as error:
         return ReportFigure(caption, b"", SIZE, missing=f"no picture: {error}")
+    pixels = without_empty_rows(pixels, WHITE.paper)
     return ReportFigure(caption, jpeg(pixels), (pixels.shape[1], pixels.shape[0]), 0.86, scale)
 
 
 def bay_values(design: Design) -> Floats:
     """Return the utilisation (m,) of the bay nearest to each cell of the members' sheet; NaN without a bay.
-    At a crossing the larger value counts.
-    """
+    At a crossing the larger value counts."""
     graph, utilisation = design.members, design.member_utilisation
-    value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
+    value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # eight points along a bay
     for name in dict.fromkeys(utilisation.bays.member):
-        member, bays = (
-            graph.by_id[name],
-            [k for k, bay_member in enumerate(utilisation.bays.member) if bay_member == name],
-        )
+        member = graph.by_id[name]
+        bays = [k for k, bay_member in enumerate(utilisation.bays.member) if bay_member == name]
         assert member.axis is not None
         s = np.array([np.linspace(utilisation.bays.s[k, 0], utilisation.bays.s[k, -1], samples) for k in bays]).ravel()
         P = member.axis.frames_at(s % member.axis.length if member.axis.closed else s)[0]
@@ -169,14 +160,13 @@ def bay_values(design: Design) -> Floats:
 
 
 def worst_member_words(utilisation: Utilisation) -> str:
-    """Return the most used members in words, for example 'B10, 63 %'."""
-    return (
-        f"{utilisation.bays.member[utilisation.order[0]]}, {percent(float(utilisation.largest[utilisation.order[0]]))}"
-    )
+    """Return the most used member with its utilisation, for example 'B10, 63 %'."""
+    worst = utilisation.order[0]
+    return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
 
 def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
-    """The first page: a verdict on the members alone, and the structure."""
+    """Return the first page: a verdict on the members alone, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress over strength"
@@ -186,23 +176,16 @@ def summary_section(utilisation: Utilisation, picture: ReportFigure, number: Cap
         status = "pass" if utilisation.combined else "unknown"
         title = f"Each of {len(utilisation.by_member)} members bears less than it can"
         title += "" if utilisation.combined else ", of loads without partial factors"
-    blocks: list[Block] = [
-        Banner(
-            status,
-            title,
-            escaped_text(f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"),
-        ),
-        Paragraph(
-            "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
-            "whole, are not checked here: see what was not checked."
-        ),
-        picture,
-    ]
-    return ReportSection("Summary", blocks)
+    text = f"{utilisation.summary}. Checked by {utilisation.standard}. {utilisation.assumed[0]}"
+    words = (
+        "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
+        "whole, are not checked here: see what was not checked."
+    )
+    return ReportSection("Summary", [Banner(status, title, escaped_text(text)), Paragraph(words), picture])
 
 
 def worst_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """The most used members, with the decisive clause and forces."""
+    """Return the most used members, each with its decisive clause and forces."""
     bays = utilisation.worst_bays(WORST_COUNT)
     decisive = []
     for bay in bays:
@@ -232,21 +215,19 @@ def _decisive_forces_table(utilisation: Utilisation, worst_bays: Sequence[int], 
 
 
 def _common_unit(values: Floats, unit: str) -> tuple[float, str, int]:
-    """Return divisor, unit and decimals for all forces or all moments, so that columns can be compared."""
+    """Return divisor, unit and decimals for all forces, or for all moments, so that a reader can compare columns."""
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = prefixed_unit(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
 
 
 def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
-    """Diagrams of the same members."""
+    """Return force diagrams of the most used members."""
     utilisation = design.member_utilisation
     rows = [(utilisation.bays.member[b], utilisation.governing(b)[1]) for b in utilisation.worst_bays(WORST_COUNT)]
     several = len(utilisation.bays.forces) > 1
-    case_note = (
-        "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
-    )
-    figures, count = [], 3  # members in a figure, so that two figures fill a page
+    case_note = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " * several
+    figures, count = [], 3  # a figure of three members fills half a page
     for start in range(0, len(rows), count):
         part = rows[start : start + count]
         image, size = force_diagrams(design, part)
@@ -257,7 +238,7 @@ def diagrams_section(design: Design, number: CaptionNumbers) -> ReportSection:
 
 
 def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """The largest value of each check."""
+    """Return the largest value of each check."""
     rows = []
     for column, check in enumerate(utilisation.checks):
         values = utilisation.worst[:, column]
@@ -270,7 +251,7 @@ def checks_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSe
 
 
 def scope_section(utilisation: Utilisation) -> ReportSection:
-    """Assumptions, and questions that nobody checked."""
+    """Return the assumptions, and the questions that dsfab does not check."""
     assumed = [escaped_text(line) for line in utilisation.assumed]
     missing = [escaped_text(line[0].upper() + line[1:]) + "." for line in utilisation.unchecked]
     blocks: list[Block] = [
@@ -284,44 +265,25 @@ def scope_section(utilisation: Utilisation) -> ReportSection:
 
 
 def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportSection:
-    """List of all members in three columns, the most used first."""
+    """Return a list of all members in three columns, the most used member first."""
     ranked, limit = sorted(utilisation.by_member.items(), key=lambda item: -item[1]), 400
     shown = [(name, percent(value)) for name, value in ranked[:limit]]
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
-    rows = [_table_row(columns, row) for row in range(third)]
+    rows = [[cell for column in columns for cell in (column[k] if k < len(column) else ("", ""))] for k in range(third)]
     rest_words = f" {len(ranked) - limit} more are in member_utilisation.csv." if len(ranked) > limit else ""
     caption = number.table("All members with bays between nodes, the largest of each." + rest_words)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
 
 
-def _table_row(columns: Sequence[Sequence[tuple[str, str]]], row_number: int) -> list[str]:
-    return [cell for column in columns for cell in (column[row_number] if row_number < len(column) else ("", ""))]
-
-
-def reproduction_section(
-    design: Design, command: str, library_versions: Mapping[str, str], number: CaptionNumbers
-) -> ReportSection:
-    """Command, versions and preset of the report."""
-    blocks: list[Block] = [
-        Paragraph("Made by this command, with the preset below and these versions:"),
-        Code(command),
-        tables.versions_table(library_versions, number),
-        Paragraph("The preset in full, with every value that was left out:"),
-        Code(preset_toml(design.resolved_preset, for_people=True)),
-    ]
-    return ReportSection("Making it again", blocks, own_page=True)
-
-
 FILES = ("report.html", "report.pdf")
-STRUCTURE_FILE = "structure.html"
-"""Interactive page of the structure, for clients."""
+STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 
 def member_report(design: Design, command: str) -> Document:
-    """Return the report on the utilisation of members. command : the command line that makes it again.
-    Raises StaticsError without a code or strength of the material, or if nothing carries the loads."""
+    """Return the report on the utilisation of members. command : command line that repeats the report.
+    Raises StaticsError for a material without code and strength, and if nothing carries the loads."""
     utilisation, number, library_versions = design.member_utilisation, CaptionNumbers(), versions()
     facts = [
         ("Design", design.preset.name),
@@ -336,16 +298,15 @@ def member_report(design: Design, command: str) -> Document:
         checks_section(utilisation, number),
         scope_section(utilisation),
         members_section(utilisation, number),
-        reproduction_section(design, command, library_versions, number),
+        reproduction_section(command, library_versions, preset_toml(design.resolved_preset, for_people=True), number),
     ]
     footer = f"Made by dsfab {library_versions['dsfab']}; a first look at members, no proof of safety under a code"
-    return Document(
-        "Members against the code", design.preset.name.replace("_", " ").capitalize(), facts, document_sections, footer
-    )
+    subject = design.preset.name.replace("_", " ").capitalize()
+    return Document("Members against the code", subject, facts, document_sections, footer)
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write the report and the page of the structure; return their names, and a sentence for each step that failed."""
+    """Write the report and the page of the structure; return names of files, and a sentence for each failed step."""
     document, files, messages = member_report(design, command), [FILES[0]], list[str]()
     (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
     try:
