@@ -1,7 +1,7 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
 
-A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Engravers would draw the
-outlines of an ordinary font twice.
+A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. The outlines of an
+ordinary font would be engraved twice.
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,7 +16,6 @@ from dsfab.surface import as_circle, as_polyline, simplified_line
 
 if TYPE_CHECKING:
     import compas.geometry
-
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
 SMALL_LETTER_SHARE = 0.7
@@ -38,7 +37,7 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """Return (k, 2) polylines of a line of text from its lower left corner; unknown characters become dashes."""
+    """Return polylines (k, 2) of a line of text from its lower left corner; unknown characters become dashes."""
     lines, x = list[Floats](), 0.0
     for letter in text:
         scale = height / GLYPH_HEIGHT * (SMALL_LETTER_SHARE if letter.islower() else 1.0)
@@ -56,9 +55,9 @@ def text_length(text: str, height: float) -> float:
 
 
 NAME_SHARE = 0.9
-"""Share of the available length that a name fills, at most."""
+"""Largest share of the available length that a name fills."""
 SAME_DISTANCE = 2e-4
-"""Largest distance (m) between the corners and holes of two equal parts."""
+"""Largest distance (m) between matching corners or holes of two equal parts."""
 OUTLINE_TOLERANCE = 2e-5
 """Largest distance between a written outline and the outline of the part (m)."""
 PART_LETTERS, NODE_LETTERS = 0.02, 0.008
@@ -79,8 +78,8 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Fold of a part along a line (2, 2) by an angle (radians); positive angles fold away from the viewer of the
-    drawing.
+    """Fold of a part along a line (2, 2) by an angle (radians); a positive angle folds the part away from the
+    viewer.
     """
 
     line: Floats
@@ -130,16 +129,14 @@ class FlatPart:
 
     @cached_property
     def size(self) -> Floats:
-        """(2,) length and width of the bounding box (m)."""
+        """Length and width (2,) of the bounding box (m)."""
         return np.asarray(np.ptp(self.outline, axis=0))
 
     @cached_property
     def contours(self) -> tuple[Floats, ...]:
-        """(k, 2) outline, then slots, without corners on straight lines (m)."""
-        return tuple(
-            read_only_copy(_without_straight_corners(loop), np.float64, (None, 2))
-            for loop in (self.outline, *self.slots)
-        )
+        """Outline, then slots, (k, 2) each, without corners on straight lines (m)."""
+        loops = (_without_straight_corners(loop) for loop in (self.outline, *self.slots))
+        return tuple(read_only_copy(loop, np.float64, (None, 2)) for loop in loops)
 
     @cached_property
     def radii(self) -> Floats:
@@ -148,8 +145,9 @@ class FlatPart:
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each, for the comparison of parts. A difference
-        of a fifth of a degree in a fold is visible in them.
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared. Fold middles
+        are scaled
+        by the angle of the fold, so that a difference of a fifth of a degree is visible.
         """
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
@@ -223,12 +221,10 @@ def shape_key(part: FlatPart) -> tuple[int, int]:
 
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
-    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not count."""
-    if (
-        shape_key(part_a) != shape_key(part_b)
-        or len(part_a.slots) != len(part_b.slots)
-        or part_a.thickness != part_b.thickness
-    ):
+    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not matter."""
+    if shape_key(part_a) != shape_key(part_b) or part_a.thickness != part_b.thickness:
+        return False
+    if len(part_a.slots) != len(part_b.slots):
         return False
     if (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
@@ -247,7 +243,6 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
     """Return strokes (k, 2) of a text along an angle (radians), with its middle at (2,) metres."""
-    c, s = np.cos(angle), np.sin(angle)
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
-    return tuple((line - [width / 2, height / 2]) @ np.array([[c, s], [-s, c]]) + middle for line in lines)
+    return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

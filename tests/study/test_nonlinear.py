@@ -230,10 +230,10 @@ def test_the_check_has_a_mesh_of_its_own():
     assert (longer.preset.surface.edge, longer.preset.pattern.fillet) == (1.2, 0.0)
     assert without_fillets(sharp, 0.5, lambda *words: None) is sharp  # never finer
     for minutes in (0.0, -3.0, float("nan")):
-        with pytest.raises(StaticsError, match=r"minutes are no time for CalculiX; give it --minutes 60"):
+        with pytest.raises(StaticsError, match=r"minutes is too short for CalculiX; give --minutes 60"):
             nonlinear_check(design, minutes=minutes)
     for wrong in (-1.0, float("nan"), 1e3):
-        with pytest.raises(StaticsError, match=r"edges of .* m are none of this design; give metres"):
+        with pytest.raises(StaticsError, match=r"edges of .* m are negative or longer than the surface; give metres"):
             without_fillets(design, wrong, lambda *words: None)
 
 
@@ -342,4 +342,4 @@ def test_a_toggle_snaps_through_where_it_is_published_to(tmp_path, capsys):
     assert main([*words, "--case", "wind"]) == 1
     assert "'wind' is no load case of this design; use one of load" in capsys.readouterr().err
     assert main([*words[:-1], "100"]) == 1
-    assert "an imperfection of 100 m is none of this design" in capsys.readouterr().err
+    assert "an imperfection of 100 m is negative or larger than the design" in capsys.readouterr().err

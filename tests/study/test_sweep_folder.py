@@ -319,7 +319,7 @@ def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypa
         crew._pools["worker 1"] = ThreadPoolExecutor(1)
         kills[0] += more
         said.append(crew.lost("worker 1"))
-    assert said == ["", "the system ended a process for want of memory"]
+    assert said == ["", "the system ended a process because memory was low"]
     assert crew.lost("nobody") == ""
 
 

@@ -57,7 +57,7 @@ MISTAKES = {
     "misspelt sampling": ({"sampling": "sobel:3"}, "use grid, sobol:200, lhs:200 or csv:points.csv"),
     "no points": ({"sampling": "lhs:0"}, "sampling = 'lhs:0'"),
     "falling range": ({"vary": {"a": {"from": 2, "to": 1, "count": 3}}}, "from = 2 must be smaller than to = 1"),
-    "log of zero": ({"vary": {"a": {"from": 0.0, "to": 1, "log": True}}}, "log runs over positive numbers"),
+    "log of zero": ({"vary": {"a": {"from": 0.0, "to": 1, "log": True}}}, "log needs positive numbers"),
     "a key of ranges": (
         {"vary": {"a": {"from": 0, "to": 1, "cuont": 3}}},
         "unknown key vary.a.cuont; did you mean count",

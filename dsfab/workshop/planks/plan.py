@@ -1,4 +1,4 @@
-"""The parts of a structure of planks, rolled out along the normals of the surface.
+"""The parts of a structure of planks, developed along the normals of the surface.
 
 A plank is the ruled surface P(s) + y N(s); on the axis its normal is -B. In its flat state it bends by kn in its own
 plane. In the structure it bends by kg across that plane and twists by tg. The twist makes its edges longer than drawn
@@ -45,7 +45,9 @@ def upright_course(course: StripCourse, depth: float) -> StripCourse:
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return courses of all planks along the surface, and courses that stop before another plank or before a curl."""
+    """Return courses of all planks along the surface, and those of them that stop before another plank or before a
+    curl.
+    """
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -54,11 +56,8 @@ def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, Stri
     for family in dict.fromkeys(m.family for m in members):
         family_courses = {m.id: _thin_course(courses[m.id], stock.thickness) for m in members if m.family == family}
         nodes = {
-            name: sorted(
-                family_courses[name].wrapped_station(node.at[node.members.index(name)])
-                for node in graph.nodes_along[name]
-            )
-            for name in family_courses
+            name: sorted(course.wrapped_station(n.at[n.members.index(name)]) for n in graph.nodes_along[name])
+            for name, course in family_courses.items()
         }
         stopped |= shortened_courses(family_courses, nodes, joined, stock.overhang)
     return courses | stopped, stopped
@@ -112,17 +111,14 @@ def plank_parts(
 def _reachable_crossings(
     crossings: list[Crossing], courses: Mapping[str, StripCourse]
 ) -> tuple[list[Crossing], list[str]]:
-    reached = [
-        all(
-            courses[name].begin <= s <= courses[name].end or courses[name].closed
-            for name, s in zip(crossing.members, crossing.at, strict=True)
-        )
-        for crossing in crossings
-    ]
-    pairs = list(zip(crossings, reached, strict=True))
-    return [crossing for crossing, is_reached in pairs if is_reached], [
-        crossing.node for crossing, is_reached in pairs if not is_reached
-    ]
+    reached, missed = list[Crossing](), list[str]()
+    for crossing in crossings:
+        places = [(courses[name], s) for name, s in zip(crossing.members, crossing.at, strict=True)]
+        if all(course.begin <= s <= course.end or course.closed for course, s in places):
+            reached.append(crossing)
+        else:
+            missed.append(crossing.node)
+    return reached, missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,15 +139,15 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Obstacle to building, in numbers, as a clause after "planks would"; "" if planks are possible."""
+        """Reason why planks cannot be built, in numbers, as a clause that begins with "would"; "" if planks are
+        possible.
+        """
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
         if planks.crossings.sharp_nodes:
-            return (
-                f"would meet at under {LEAST_DEGREES:g} degrees at "
-                f"{names_and_count(planks.crossings.sharp_nodes)}, without slots"
-            )
+            nodes = names_and_count(planks.crossings.sharp_nodes)
+            return f"would meet at under {LEAST_DEGREES:g} degrees at {nodes}, without slots"
         if planks.crowded:
             return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
         if planks.stuck:
@@ -205,12 +201,12 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     planks, stock = plan.planks, plan.stock
     if not planks.bends:
         return
-    order = sorted(planks.bends, key=lambda one: -planks.bends[one])
+    order = sorted(planks.bends, key=lambda name: -planks.bends[name])
     worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
     how = f"are bent across themselves to a strain of {worst:.2%} ({order[0]} most)"
     if not plan.limit:
-        yield f"{len(order)} {size} {how}; name a material or set statics.strength to have that judged"
+        yield f"{len(order)} {size} {how}; name a material or set statics.strength for a limit"
     elif over:
         yield (
             f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the "
@@ -219,7 +215,7 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
         )
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
-    twisted = max(planks.longer, key=lambda one: planks.longer[one])
+    twisted = max(planks.longer, key=lambda name: planks.longer[name])
     longest, least = planks.longer[twisted], 5e-5  # metres: a smaller difference cannot be measured
     yield (
         f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
@@ -231,7 +227,7 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
     planks, stock = plan.planks, plan.stock
     crossings = planks.crossings
     if crossings.crossings:
-        sharpest = min(crossings.crossings, key=lambda one: one.angle)
+        sharpest = min(crossings.crossings, key=lambda crossing: crossing.angle)
         yield (
             f"{len(crossings.crossings)} nodes with a slot in both planks, cut square to the face; the widest are "
             f"{length(slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
@@ -244,8 +240,8 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
         )
     if planks.crowded:
         yield (
-            f"NOT POSSIBLE: slots are nearer to each other than wood is left between them, and were left out: "
-            f"{names_and_count(planks.crowded)}; set workshop.thickness smaller, or a larger spacing"
+            "NOT POSSIBLE: these slots are omitted, because neighbouring slots leave no wood between them: "
+            f"{names_and_count(planks.crowded)}; set a smaller workshop.thickness, or a larger spacing"
         )
 
 
@@ -253,14 +249,14 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     planks = plan.planks
     steep = {name: angle for name, angle in planks.slide_angles.items() if name not in planks.stuck and angle > 0}
     if steep:
-        worst = max(steep, key=lambda one: steep[one])
+        worst = max(steep, key=lambda name: steep[name])
         yield (
             f"planks with slots from below are put on along one direction, and their slots open for it by up to "
-            f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced where it would be more than "
+            f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced to keep this angle below "
             f"{np.degrees(SLIDE_ANGLE):.0f}"
         )
     if planks.stuck:
-        worst = max(planks.stuck, key=lambda one: planks.stuck[one])
+        worst = max(planks.stuck, key=lambda name: planks.stuck[name])
         yield (
             f"NOT TO SLIDE TOGETHER: slots of {names_and_count(list(planks.stuck))} turn from each other, by up to "
             f"{np.degrees(planks.stuck[worst]):.0f} degrees from the middle ({worst}): give smaller bolts or thinner "
@@ -282,13 +278,11 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
             "or curl up" + (f"; {names_and_count(planks.missed_nodes)} are without them" if planks.missed_nodes else "")
         )
     if planks.vanished:
-        yield f"NOT BUILT, as others of their family stand where they would be: {names_and_count(planks.vanished)}"
+        yield f"NOT BUILT, because other planks of their family are there: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
-        yield (
-            "plates lie on the planks, without holes, and are to be screwed on: "
-            f"{names_and_count([x.id for x in plates])}"
-        )
+        names = names_and_count([plate.id for plate in plates])
+        yield f"plates lie on the planks, without holes, and are to be screwed on: {names}"
 
 
 def _rounded_down(metres: float) -> str:
