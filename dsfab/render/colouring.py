@@ -26,10 +26,8 @@ ShownResult = Literal[
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
-DEFORMED = ("displacement", "buckling", "frequency")
-"""Results that are drawn as a deformed shape."""
-MODE_FIELDS = ("major_mode", "minor_mode")
-"""Names of the modes; stripes are level lines of a mode."""
+DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
+MODE_FIELDS = ("major_mode", "minor_mode")  # names of the modes; stripes are level lines of a mode
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
 """Pictures of the uncut sheet, which has no stripes yet."""
 COLOUR_PERCENTILE = 98.0
@@ -142,9 +140,7 @@ def mode_gradient(design: "Design", show: str) -> Floats:
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return the end of a colour scale and its number of bands. The 4 to 10 bands have a round width and reach
-    `limit`.
-    """
+    """Return the end of a colour scale and its number of bands: 4 to 10 bands of a round width reach `limit`."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -168,9 +164,7 @@ def signed_colours(share: Floats) -> Bytes:
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares (k,) from 0 to 1 along a scale `colours` (q, 3), in `bands` equal steps or
-    smoothly.
-    """
+    """Return colours (k, 3) for shares (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -211,10 +205,8 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     return image
 
 
-EXAGGERATION = 0.08
-"""Largest drawn displacement of a vertex, over the size of the surface."""
-YIELD_COLOUR = (96, 40, 150)
-"""Violet for faces whose stress exceeds the strength; the colour scale has no violet."""
+EXAGGERATION = 0.08  # largest drawn displacement of a vertex, over the size of the surface
+YIELD_COLOUR = (96, 40, 150)  # violet for faces whose stress exceeds the strength; the colour scale has no violet
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":

@@ -36,8 +36,7 @@ def caption(design: Design) -> str:
     )
 
 
-SECONDS = 600.0
-"""Time limit for the process that draws, from the moment at which the caller waits for it."""
+SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
 
 
 def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
@@ -71,9 +70,7 @@ def structure_drawing(
     ground: GroundKind = "paper",
     size: tuple[int, int] = DEFAULT_SIZE,
 ) -> StructurePicture:
-    """Return the data of `structure_picture`, which has the same parameters. Raises DsfabError for an impossible
-    design.
-    """
+    """Return the data of `structure_picture`, with its parameters. Raises DsfabError for an impossible design."""
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -136,14 +133,11 @@ def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK)
         yield finish
 
 
-NOTEBOOK_SIZE = (800, 600)
-"""Size of a picture in a notebook (pixels)."""
+NOTEBOOK_SIZE = (800, 600)  # size of a picture in a notebook (pixels)
 
 
 def inline_picture(design: Design) -> bytes | None:
-    """Return PNG bytes of a design's solid, or of its uncut preview. If this machine cannot draw, warn and return
-    None.
-    """
+    """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
             return png_bytes(picture(**_picture_arguments(design, Look(NOTEBOOK_SIZE))))

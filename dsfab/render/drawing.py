@@ -21,13 +21,10 @@ if TYPE_CHECKING:
 
 EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
 """Names of the marks that can stand beside a structure."""
-LAYERS = ("loads", "supports", "person")
-"""Names of the marks that a picture shows by default."""
-PERSON_RANGE = (2.0, 60.0)
-"""Least and largest height (m) of a structure that has a person beside it."""
+LAYERS = ("loads", "supports", "person")  # names of the marks that a picture shows by default
+PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure that has a person beside it
 
-PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0
-"""Heights of the person and of the tree (m)."""
+PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +65,7 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place the camera, the marks and the ground. half : half of the structure's thickness (m). up : (3,) of any
-    length.
-    """
+    """Place camera, marks and ground. half : half of the structure's thickness (m). up : (3,) of any length."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -157,9 +152,7 @@ def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Float
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return the caption, the names of the marks and the scale of a picture. The scale is exact at the structure's
-    middle.
-    """
+    """Return the caption, names of marks and scale of a picture. The scale is exact at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     names = [
@@ -199,8 +192,7 @@ _LEG = [
     (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
 ]  # fmt: skip
 
-GroundKind = Literal["paper", "white", "transparent"]
-"""Ground of a picture."""
+GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
 FINER = light.FINE.finer
 """Side of a fine drawing over the side of its picture, whose pixels are means of the drawing's pixels."""
 

@@ -110,9 +110,7 @@ def _bed_text(measures: "FabricationMeasures") -> str:
 
 
 def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with rings around the measured places, and lines without crossings from the rings to their
-    notes.
-    """
+    """Return the picture with rings around measured places, and with notes, whose lines to the rings do not cross."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

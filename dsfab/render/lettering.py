@@ -45,8 +45,7 @@ class Palette:
         return np.array(getattr(self, name), dtype=np.uint8)
 
 
-PAPER = Palette()
-"""Terracotta on white paper; colour-blind people can tell blue loads from slate supports."""
+PAPER = Palette()  # terracotta on white paper; colour-blind people can tell blue loads from slate supports
 
 
 @dataclass(frozen=True)
@@ -71,9 +70,7 @@ def length_label(length: float) -> str:
 
 
 def with_legend(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """Return the picture with caption, marks and scale bar below the structure. larger : letter size over the
-    default size.
-    """
+    """Return the picture with caption, marks and scale bar. larger : size of letters over the default size."""
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -160,19 +157,15 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
     return start + draw.textlength(name, font=font)
 
 
-GRID_PIXELS = 4
-"""Cell size (pixels) of the grid that records occupied places."""
-NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)
-"""Distances from a member at which its name is tried, in letter heights."""
+GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied places
+NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # distances from a member at which its name is tried, in letter heights
 NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 """Directions from a member in which its name is tried (radians)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name of a member in a colour. places : (k, 2) possible places, best first (pixels). visible : (k,) mask of
-    the places.
-    """
+    """Name in a colour. places : (k, 2) possible places, best first (pixels). visible : (k,) mask of the places."""
 
     text: str
     colour: Colour
@@ -190,9 +183,7 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Place names in letters of a height (pixels): on their members if possible, else beside them with a line to
-    the member.
-    """
+    """Place names of a letter height (pixels): on their members if possible, else beside them, with a line."""
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):
@@ -206,9 +197,7 @@ def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -
 
 
 def _free_place(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
-    """Return a place (2,) on the member and a free middle (2,) for a name. half : (2,) half of the name's width and
-    height.
-    """
+    """Return a place (2,) on the member and a free middle (2,) for a name; half : (2,) half of the name's size."""
     for place in places:
         if not _is_taken(taken, place, half):
             return place, place
@@ -235,9 +224,7 @@ def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
 
 
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """Return the picture with names in letters of a height (pixels), each with an outline in the colour of the
-    paper.
-    """
+    """Return the picture with names in letters of a height (pixels), outlined in the colour of the paper."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

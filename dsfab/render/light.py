@@ -16,8 +16,7 @@ GRAIN = 1.2
 """Radius (map pixels) of random offsets at which a map is read; they turn the steps of the map into a fine grain."""
 SURFACE_LIFT = 2.5
 """Height of lit points above their surface, over the side of a map pixel; without it, map steps would cast shadows."""
-LARGEST_DEPTH = np.float32(0.9999)
-"""Largest depth that counts as a body; a map pixel without a body has depth 1."""
+LARGEST_DEPTH = np.float32(0.9999)  # largest depth that counts as a body; a map pixel without a body has depth 1
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -57,9 +56,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points (3, k) in radii with normals (3, k); grain : (2, k or more) offsets in
-        map pixels.
-        """
+        """Return the light (k,) on points (3, k) in radii with normals (3, k); grain : (2, k or more) in map pixels."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -85,14 +82,10 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-LIGHT_SHARES = (0.60, 0.44, 0.14)
-"""Light of the sun, the sky and the floor on a surface that is square to the light."""
-AMBIENT = 0.10
-"""Light at every point."""
-CHUNK = 1 << 15
-"""Number of points coloured together; their arrays fit the processor's cache."""
-TILE = 1 << 10
-"""Number of points lit together by twenty lamps; their arrays fit the processor's cache."""
+LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of the sun, the sky and the floor on a surface that is square to the light
+AMBIENT = 0.10  # light at every point
+CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
+TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fit the processor's cache
 
 
 @dataclass(frozen=True)
@@ -297,9 +290,7 @@ def _floor_points(
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the share (h, w) of light on the floor. Blurred shadows of few lamps look like the shadows of many
-    lamps.
-    """
+    """Return the share (h, w) of light on the floor. Blurred shadows of few lamps look like shadows of many."""
     from scipy.ndimage import gaussian_filter  # slow to import
 
     total = sum(open_light)

@@ -15,8 +15,7 @@ from dsfab.surface import LoadCase, Surface, centroid
 if TYPE_CHECKING:
     from dsfab.design.design import Design
 
-MarkMesh = tuple[Floats, Ints]
-"""Vertices (n, 3) in metres, and faces (m, 3)."""
+MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 
 @dataclass(frozen=True)
@@ -32,8 +31,7 @@ POINT_LOAD_SPACING = Spacing(0.07, 16)
 SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
-CONE_HEIGHT = 0.026
-"""Height of a support cone over the structure's size."""
+CONE_HEIGHT = 0.026  # height of a support cone over the structure's size
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 """Length of the longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
@@ -60,9 +58,7 @@ def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class ForceArrows:
-    """Arrows at vertices with numbers `at` (k,), for forces `pull` (k, 3) in newtons; `long` (k,) is their length
-    in metres.
-    """
+    """Arrows at vertices with numbers `at` (k,): forces `pull` (k, 3) in newtons, and lengths `long` (k,) in metres."""
 
     at: Ints
     pull: Floats
@@ -142,9 +138,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3); steep gradients have long arrows. lift, eye : as for
-    `load_arrows`.
-    """
+    """Return slim arrows along a gradient (m, 3), long for steep gradients. lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -158,9 +152,7 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Return the unit vector (3,) along an axis from the structure to its supports; down if supports are on all
-    sides.
-    """
+    """Return the unit vector (3,) along an axis from the structure to its supports; down for supports on all sides."""
     offsets = surface.V[load.supported] - centroid(surface)
     # evenly spaced points make the mean independent of the mesh density
     offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)
@@ -227,8 +219,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)
-"""Limits on the number of crosses, because many crosses take long to draw."""
+CROSS_SPACING = Spacing(0.034, 500)  # limits on the number of crosses, because many crosses take long to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
 """Length and width of a bar of a cross, over the distance between neighbouring crosses."""
 

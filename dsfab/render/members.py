@@ -67,9 +67,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return the number (n,) of the member whose places are nearest to each vertex, relative to the extent of the
-    member.
-    """
+    """Return the number (n,) of the member nearest to each vertex, by distances relative to the member's extent."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -185,9 +183,7 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) for a member's name, best first: places far from nodes, then places near the member's
-    middle.
-    """
+    """Return places (k, 3) for a member's name, best first: far from nodes, then near the member's middle."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

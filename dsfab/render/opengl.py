@@ -8,10 +8,8 @@ from functools import cache
 
 from dsfab.core.errors import DsfabError
 
-WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
-"""Environment variable by which VTK chooses its kind of window."""
-SECONDS = 120
-"""Time limit of the test, which takes half a second on an idle machine."""
+WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
+SECONDS = 120  # time limit of the test, which takes half a second on an idle machine
 
 # VTK opens its libraries at the first frame, not at the import. So the test draws and reads a red frame.
 PROBE = """
@@ -28,11 +26,9 @@ window.GetPixelData(0, 0, 7, 7, 1, pixels, 0)
 raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 """
 
-_KNOWN: set[str] = set()
-"""Kinds of window that need no test."""
+_KNOWN: set[str] = set()  # kinds of window that need no test
 
-_PROBES: list[threading.Thread] = []
-"""Thread of a test that has begun."""
+_PROBES: list[threading.Thread] = []  # thread of a test that has begun
 
 
 def probe_ahead() -> None:

@@ -53,8 +53,7 @@ class Look:
     letters: float = 1.0
 
 
-DEFAULT_LOOK = Look()
-"""White paper, and the default size of a picture."""
+DEFAULT_LOOK = Look()  # white paper, and the default size of a picture
 
 
 def picture(

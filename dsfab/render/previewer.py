@@ -48,13 +48,10 @@ from dsfab.render.shader import ALL_MATERIAL, NO_MATERIAL, StripeShader
 from dsfab.render.striped_mesh import StripedMesh, distances, needs_only_settings, shader_settings, vertex_fields
 from dsfab.render.view import View, named_side, up_axis
 
-DEFAULT_SIZE = (1600, 1200)
-"""Default size of a picture (pixels)."""
+DEFAULT_SIZE = (1600, 1200)  # default size of a picture (pixels)
 
-TINTED_FAMILIES = ("major", "minor", "kept")
-"""Names of the families that have tints."""
-TRIAL_SIZE = (96, 72)
-"""Size of the pictures that test the shader (pixels)."""
+TINTED_FAMILIES = ("major", "minor", "kept")  # names of the families that have tints
+TRIAL_SIZE = (96, 72)  # size of the pictures that test the shader (pixels)
 
 
 class Previewer:
@@ -160,9 +157,7 @@ class Previewer:
         self.display(with_overrides(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
-        """Return whether `display` can draw a preset, because its geometry and loads are those of the current
-        preset.
-        """
+        """Return whether `display` can draw a preset: its geometry and loads must be those of the current preset."""
         old, shown = self._preset, self._show
         same_shape = preset.first_difference(old) != "surface" and (
             (shown not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
@@ -238,9 +233,7 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset for an editor, without the light of a `picture`, and wait until the frame is
-        complete.
-        """
+        """Draw the current preset for an editor, without the light of a `picture`, and wait for the frame."""
         self._scene.frame(self._view(size, False), *size)
 
     @property

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
 NORMAL_STEPS = 1 << 10
-"""Number of steps from -1 to 1 to which normals are rounded before comparison; the bytes of a picture have 256
-steps.
-"""
+"""Number of steps from -1 to 1 to which normals are rounded for comparison; bytes of a picture have 256 steps."""
 
 
 class Window:
@@ -85,9 +83,7 @@ class Window:
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """Return the depth (h, w) of the picture, row 0 on top: 0 at the nearest depth, 1 where the picture is
-        empty.
-        """
+        """Return the depth (h, w) of the picture, row 0 on top: 0 is the nearest depth, and 1 an empty pixel."""
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -153,9 +149,7 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return the results of `split_mesh` for given normals (m, 3, 3) at corners of faces; the mesh is split where
-    they differ.
-    """
+    """Return the results of `split_mesh` for normals (m, 3, 3) at corners of faces, split at different normals."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -165,9 +159,7 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
-    """Store numbers (k, ...) of points or cells of a mesh under a name. attributes : its `GetPointData()` or
-    `GetCellData()`.
-    """
+    """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
     array = _support().numpy_to_vtk(
         np.ascontiguousarray(values), deep=True
     )  # without a copy, numpy frees the memory too early
@@ -201,8 +193,7 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-SHARP_DEGREES = 35.0
-"""Least angle (degrees) between two faces at which their common edge is shaded as sharp."""
+SHARP_DEGREES = 35.0  # least angle (degrees) between two faces at which their common edge is shaded as sharp
 
 LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
 """Distance from a lamp to the middle of the scene, and the nearest and farthest depth that the lamp sees (radii)."""
@@ -331,9 +322,7 @@ class Scene:
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return a mask (h, w) of the pixels at which the eye would see a shadow-casting body without the other
-        bodies.
-        """
+        """Return a mask (h, w) of the pixels at which the eye sees a shadow-casting body, without the other bodies."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)

@@ -17,20 +17,15 @@ INFINITE_DISTANCE = 1e30
 """Distance to a load or support that does not exist. The number is finite, because infinity times 0 is not a number."""
 NO_REACH = -INFINITE_DISTANCE
 """Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
-BY_VERTEX = -1.0
-"""Value of the half-width at which the shader reads half-widths at the vertices."""
+BY_VERTEX = -1.0  # value of the half-width at which the shader reads half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
-"""Names of the fields that may vary over the surface, in the order of `StripeShader.fields`: two numbers at each
-vertex.
-"""
+"""Names of the fields that may vary over the surface, two numbers at each vertex, as in `StripeShader.fields`."""
 TIE = 2e-6
-"""Margin (periods) for rounding errors. With this margin, half-widths of 0 are exactly empty and of 1/2 exactly
-full.
-"""
+"""Margin (periods) for rounding errors, with which half-widths of 0 are exactly empty and of 1/2 exactly full."""
 
 # |t - nearest integer + 1/2| is (wave(t) + 1) / 4; points at which this value exceeds 1/2 - d are material. The vertex
 # shader computes the linear part, because in software rendering each uniform takes time at each pixel

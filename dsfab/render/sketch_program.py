@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 
 
 def main(sketches: bool) -> None:
-    """Draw the requests of standard input. sketches : whether to load the modules for sketches before the first
-    request.
-    """
+    """Draw the requests of standard input. sketches : whether to load the modules for sketches at the start."""
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     window = assume_window()  # if this machine cannot draw, the process crashes silently

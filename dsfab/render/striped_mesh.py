@@ -21,8 +21,7 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8
-"""Largest reach, over the size of the surface, up to which distances are exact in all presets."""
+EXACT_REACH_SHARE = 1 / 8  # largest reach, over the size of the surface, up to which distances are exact in all presets
 
 REGION_FACTOR = 1e33
 """Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
@@ -94,9 +93,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 without a
-        phase.
-        """
+        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 for no phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -149,9 +146,7 @@ def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Fl
 
 
 def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_DISTANCE) -> Floats:
-    """Return distances (n, 2), with `limit` in place of infinity, because infinity times a weight of 0 is not a
-    number.
-    """
+    """Return distances (n, 2), with `limit` for infinity, because infinity times a weight of 0 is not a number."""
     return np.where(np.isfinite(distances), distances, limit).T
 
 

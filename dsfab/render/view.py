@@ -8,8 +8,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-VIEW_DEGREES = 24.0
-"""Vertical view angle (degrees): small, so that near and far members look almost equally large."""
+VIEW_DEGREES = 24.0  # vertical view angle (degrees): small, so that near and far members look almost equally large
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,9 +51,7 @@ def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats
 
 
 def _principal_spread(V: Floats) -> tuple[Floats, Floats]:
-    """Return standard deviations (3,) of points along their principal axes, largest first, and the axes (3, 3) as
-    rows.
-    """
+    """Return standard deviations (3,) of points along their principal axes, largest first, and the axes as rows."""
     values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
     return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
 
@@ -124,9 +121,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view from a little beside and above the normal of a plate, on the side of positive axes (for xz,
-    from -y).
-    """
+    """Return a view from a little beside and above a plate's normal, on the side of positive axes (for xz, from -y)."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up

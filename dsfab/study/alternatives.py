@@ -33,9 +33,7 @@ class Spread:
 
     @classmethod
     def from_compliances(cls, compliances: Sequence[float]) -> "Spread":
-        """Return the statistics of compliances (J); the compliance of a variant that does not carry the loads is
-        infinite.
-        """
+        """Return the statistics of compliances (J); a variant that does not carry the loads has infinite compliance."""
         sound = [value for value in compliances if np.isfinite(value)]
         statistics = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *statistics, float(np.median(compliances)))
@@ -77,9 +75,7 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return a table row of plain SI values, None for unknown values.
-        full, design : compliance (J) of the full sheet and of the design.
-        """
+        """Return SI values for a table, None if unknown. full, design : compliance (J) of full sheet and design."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -196,9 +192,7 @@ def losing_line(candidates: Iterable[Alternative]) -> str:
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if a search sets part of the pattern: its method, modes or phases, or widths that make the stress
-    even.
-    """
+    """Return True if a search sets part of the pattern: its method, modes or phases, or widths for even stress."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 

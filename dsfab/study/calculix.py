@@ -261,9 +261,7 @@ class LoadPath:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and its shape (p, 3), which has no scale. Raises StaticsError if
-    none exists.
-    """
+    """Return the lowest linear buckling factor and its shape (p, 3) without a scale. Raises StaticsError for none."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:

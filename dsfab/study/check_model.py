@@ -110,9 +110,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along the coordinate
-    `axis`.
-    """
+    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 

@@ -1,6 +1,4 @@
-"""Fabrication limits: the smallest members, gaps and walls of a design, and the change of a preset to meet the
-limits.
-"""
+"""Fabrication limits: the smallest members, gaps and walls of a design, and changes of a preset to meet the limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

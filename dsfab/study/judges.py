@@ -185,9 +185,7 @@ def _reactions(
 
 
 def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return a mask (n', 3) of the directions in which a support of the uncut surface holds the sheet, rigidly or
-    by springs.
-    """
+    """Return a mask (n', 3) of the directions in which a support holds the cut sheet, rigidly or by springs."""
     springs = sheet.vertices_between(surface, support.springs(surface) > 0)
     return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 

@@ -109,9 +109,7 @@ def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
 
 
 def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
-    """Return a plank from its outline with slots: its edges are the lowest and highest points at each place along
-    it.
-    """
+    """Return a plank from its outline with slots; its edges are the lowest and highest points at each place."""
     layer = Development(course, part.layer)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
@@ -134,9 +132,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (lengths, distances to the left) that is extended to the ends of the opposite edge, at oblique
-    cuts.
-    """
+    """Return an edge (lengths, distances to the left), extended at oblique cuts to the ends of the opposite edge."""
     (places, y), (opposite_places, z) = edge, opposite
     before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
     lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])

@@ -27,10 +27,8 @@ from dsfab.workshop.strips import MESH_TOLERANCE, StripLimits, bending_strain, i
 
 CREASE_STRAIN = 0.01
 """Strain at which greyboard creases, a rule of thumb: a bending radius of 50 thicknesses. Thin card can bear more."""
-NARROWEST = 0.002
-"""Least width of card strips (m); a laser tears narrower strips at holes and burns through them."""
-MODEL_LETTERS = (0.003, 0.002)
-"""Largest heights of part names and of node names (m)."""
+NARROWEST = 0.002  # least width of card strips (m); a laser tears narrower strips at holes and burns through them
+MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
 
 def scaled_surface(surface: Surface, scale: float) -> Surface:
@@ -116,16 +114,14 @@ def _rounded_scale(limit: float) -> float:
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")
 """Families in order of continuity: where two families cross, the first of them is continuous."""
-ROOT_SHARE, TIP_SHARE = 0.8, 0.6
-"""Widths of a tab at its base and at its tip, over the width of its panel."""
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
 TAB_GAP_SHARE = 0.15
-"""Distance from a tab to the middle of the member above it, over half the member's width; the opposite tab has the
-rest.
+"""Distance from a tab to the middle of the member above, over half the width of this member; the opposite tab has the
+rest
+of the half.
 """
 SHARP_SINE = float(np.sin(np.radians(25.0)))
-"""Sine of the smallest angle at which a member is cut at its neighbour; at a sharper angle it is glued on the
-neighbour.
-"""
+"""Sine of the least angle at which a member is cut at its neighbour; a sharper member is glued on the neighbour."""
 
 
 @dataclass
@@ -155,7 +151,7 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Crossing member on a course: arc length, direction (2,), half width (m) and node. over : the member is
+    """Crossing member on a course: arc length, direction (2,), half width (m), node; over : whether it is
     continuous.
     """
 

@@ -17,12 +17,9 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
-PARALLEL_SHARE = 0.05
-"""Relative change of width up to which edges count as parallel."""
-OBLIQUE_WIDTHS = 1.5
-"""Length at each end of a member, over its width, in which oblique cuts hide the width."""
-EXTENSION_STATIONS = 16
-"""Number of stations beyond each end of an axis."""
+PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
+OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts hide the width
+EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,9 +67,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths (q,) of an open course; on a closed course (3q,), also a round before and a round
-        after.
-        """
+        """Return arc lengths (q,) of an open course; of a closed course (3q,), also one round before and one after."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -119,9 +114,7 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations where the axis turns about a point that is within, or almost within, the
-    width.
-    """
+    """Return a mask (k,) of the stations where the axis turns about a point within, or almost within, the width."""
     assert member.axis is not None
     return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
@@ -212,8 +205,7 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     )
 
 
-CHORD_TOLERANCE = 2e-5
-"""Largest distance between an outline's chord and its arc (m)."""
+CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its arc (m)
 
 
 @dataclass(frozen=True, eq=False)

@@ -27,8 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06
-"""Height of a sheet's title (m), and for small sheets its share of their width."""
+TITLE, SMALL_TITLE = 0.06, 0.06  # height of a sheet's title (m), and for small sheets its share of their width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -97,8 +96,7 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 
 
 Cell = str | int | float
-FIXED_DATE = datetime(1980, 1, 1)
-"""Date in every workbook, so that equal plans have equal bytes."""
+FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, so that equal plans have equal bytes
 
 
 @dataclass(frozen=True)
@@ -133,8 +131,8 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part by name: the price of its sheet by the part's share of the sheet's parts; empty
-    without prices.
+    """Return the cost of each part by name: the sheet's price, shared by the areas of its parts; empty without
+    prices.
     """
     if not any(s.price for s in plan.sheets):
         return {}

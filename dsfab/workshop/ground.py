@@ -89,9 +89,7 @@ class BasePlane:
         return distance < limit and abs(float(self.heights(point[None])[0])) < limit
 
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None without a support
-        nearby.
-        """
+        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if it is far away."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
@@ -190,8 +188,7 @@ def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple
     return np.concatenate([layer.to_plane(s, right_edge), *end_cap, layer.to_plane(t, left_edge), *begin_cap])
 
 
-NAME_HEIGHT = 0.002
-"""Height of names beside slots (m)."""
+NAME_HEIGHT = 0.002  # height of names beside slots (m)
 NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
 

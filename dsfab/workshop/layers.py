@@ -19,10 +19,8 @@ from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
 """Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
-END_DISTANCE = 3.0
-"""Distance from a bolt to the end of a part, over the bolt diameter."""
-BOLT_PITCH = 4.0
-"""Distance between bolts of a splice, over the bolt diameter."""
+END_DISTANCE = 3.0  # distance from a bolt to the end of a part, over the bolt diameter
+BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
 
 
 @dataclass(frozen=True)

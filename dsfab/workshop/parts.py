@@ -18,8 +18,7 @@ if TYPE_CHECKING:
     import compas.geometry
 
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7
-"""Height of small letters over that of capitals."""
+SMALL_LETTER_SHARE = 0.7  # height of small letters over that of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -54,14 +53,10 @@ def text_length(text: str, height: float) -> float:
     return (width - GLYPH_GAP) * height / GLYPH_HEIGHT
 
 
-NAME_SHARE = 0.9
-"""Largest share of the available length that a name fills."""
-SAME_DISTANCE = 2e-4
-"""Largest distance (m) between matching corners or holes of two equal parts."""
-OUTLINE_TOLERANCE = 2e-5
-"""Largest distance between a written outline and the outline of the part (m)."""
-PART_LETTERS, NODE_LETTERS = 0.02, 0.008
-"""Largest heights of part names and of node names (m)."""
+NAME_SHARE = 0.9  # largest share of the available length that a name fills
+SAME_DISTANCE = 2e-4  # largest distance (m) between matching corners or holes of two equal parts
+OUTLINE_TOLERANCE = 2e-5  # largest distance between a written outline and the outline of the part (m)
+PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of node names (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,9 +73,7 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Fold of a part along a line (2, 2) by an angle (radians); a positive angle folds the part away from the
-    viewer.
-    """
+    """Fold of a part along a line (2, 2) by an angle (radians); a positive angle folds away from the viewer."""
 
     line: Floats
     angle: float

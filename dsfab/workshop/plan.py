@@ -121,9 +121,7 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips (if no limit forbids the bend), bars near the surface, planks, or
-    bars.
-    """
+    """Choose the first possible route: strips (if no limit forbids the bend), bars near the surface, planks, bars."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
@@ -173,9 +171,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may also lie across a
-    sheet.
-    """
+    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may lie across a sheet."""
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -195,10 +191,8 @@ JOINT_SENTENCES = {
     "face, from the engraved line to the edge, to the left and below on the back",
 }
 """End of the sentence on the pieces of a flat sheet, by their joint."""
-TAB_CLEARANCE = 1e-4
-"""Clearance between a tab and its slot in the base plate of a model, on each side (m)."""
-TABS_LENGTH = 4.0
-"""Largest length that the two tabs of a strip add to its length, over the strip's thickness."""
+TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
+TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its length, over the strip's thickness
 
 
 @dataclass(frozen=True, eq=False)

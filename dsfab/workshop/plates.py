@@ -83,9 +83,7 @@ def _is_inside(outline: Floats, place: Floats, least: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3) with their points V (n, 3) in space and the places U (n, 2) of these points in the plane
-    (m).
-    """
+    """Triangles F (m, 3), their points V (n, 3) in space, and the places U (n, 2) of these points in the plane (m)."""
 
     V: Floats
     F: Ints
@@ -128,8 +126,7 @@ class FlattenedMesh:
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
 
 
-FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0
-"""Length of a finger, and approximate width of a finger, over the thickness."""
+FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length of a finger, and approximate width of a finger, over the thickness
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
 """Rounds in which small bits go to a neighbouring piece, and the largest area of such a bit, in fingers."""
 LINE_TOLERANCE = 1e-9
@@ -149,9 +146,7 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces of a length for stock with room (m). Raises PatternError if joints exceed
-        half of a piece.
-        """
+        """Return the number of pieces of a length for stock with room (m). Raises PatternError for too long joints."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:

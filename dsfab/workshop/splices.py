@@ -11,17 +11,13 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SCARF_SLOPE = 8.0
-"""Overlap of a scarf joint over the thickness; a bevel of 1 to 8 is usual for plywood and boards."""
-BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")
-"""Engraved texts for a bevel on the engraved face, and for a bevel on the back."""
+SCARF_SLOPE = 8.0  # overlap of a scarf joint over the thickness; a bevel of 1 to 8 is usual for plywood and boards
+BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engraved face, and for a bevel on the back
 
 
 @dataclass(frozen=True)
 class Cuts:
-    """Arc lengths at which a strip begins, is divided and ends. near_nodes : number of cuts that are too close to a
-    node.
-    """
+    """Arc lengths at which a strip begins, is divided and ends. near_nodes : number of cuts too close to a node."""
 
     stations: tuple[float, ...]
     near_nodes: int
@@ -135,9 +131,7 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests whether a developed strip between two arc lengths fits into one of the
-    rectangles.
-    """
+    """Return a function that tests whether a developed strip between two arc lengths fits into one of the rooms."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:

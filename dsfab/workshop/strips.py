@@ -16,10 +16,8 @@ from dsfab.workshop.layers import END_DISTANCE, Layering, courses_without_curls,
 from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
-STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")
-"""Kinds of members that are built as strips."""
-HOLE_EDGE_DISTANCE = 1.0
-"""Least distance from the middle of a hole to the edges of its part, over the bolt diameter."""
+STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
+HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, over the bolt diameter
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6
 """Height (m) below which letters may take a larger share of a part's width, and this share."""
 
@@ -58,9 +56,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: it has an axis that, between its ends, never turns within the member's
-    width.
-    """
+    """Return whether a member is a strip: its axis never turns within the member's width, except at curled ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -254,14 +250,12 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5
-"""Length at each end of a member, over its width, in which the fitted curvature is uncertain."""
+UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
 MESH_TOLERANCE = 1 / 40
 """Largest distance between the mesh and the smooth surface, over the bolt diameter. Lengths of bays have at most about
 twice this error: on surfaces in closed form, a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm.
 """
-LEAST_STRAIN = 5e-6
-"""Smallest strain that a sentence reports; a smaller strain would appear as 0.000 %."""
+LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports; a smaller strain would appear as 0.000 %
 
 
 @dataclass(frozen=True)

@@ -210,9 +210,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return the structure that slicing by the preset cuts from layers. Loose pieces drop; the mass is not
-    corrected.
-    """
+    """Return the structure that slicing by the preset cuts from layers. Loose pieces drop, and the mass may change."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -262,9 +260,7 @@ PHASES = (0.0, 0.25, 0.5, 0.75)  # phases (periods) that are tried for stripes w
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with plain widths, pairs of modes, and a function that computes the
-    modes.
-    """
+    """Stripes that ignore the stress: a preset with plain widths, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -295,9 +291,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes: tensors and stripes of the design turned by 45 degrees in the
-    tangent plane.
-    """
+    """Return a variant for each pair of modes of the design's tensors, turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -352,9 +346,7 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return unit axes (2, 3) along which the surface is longest. If axes are equally long, loads and supports
-    decide.
-    """
+    """Return unit axes (2, 3) along which the surface is longest. For equally long axes, loads and supports decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

@@ -187,9 +187,7 @@ def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTa
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the densities (m,) of faces for the area, loads and kept regions of a task; self-weight is that of the
-    area.
-    """
+    """Return the densities (m,) of faces for the area, loads and kept regions of a task, with self-weight."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
@@ -202,9 +200,7 @@ def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
 
 
 def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
-    """Return `level_set_structure`. If the sheet falls apart, the error reports the share of area that is still
-    grey.
-    """
+    """Return `level_set_structure`. If the sheet falls apart, the error reports the share of grey area."""
     try:
         return level_set_structure(task, result.density)
     except PatternError as error:

@@ -170,9 +170,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. 20 000 tetrahedra at once need 150 MB of
-    memory.
-    """
+    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. 20 000 tetrahedra at once need 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -294,9 +292,7 @@ class SupportPoints:
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) to relative displacements of the outer Gauss points, square to each marked edge
-        in the sheet.
-        """
+        """Return the matrix (r, N) to relative displacements of the outer Gauss points, square to each marked edge."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -120,9 +120,7 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError if the folder is not
-    writable.
-    """
+    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError if writing fails."""
     if not table:
         return []
     text = StringIO()

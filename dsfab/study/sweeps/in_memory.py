@@ -17,9 +17,7 @@ Signature = tuple[str, ...]  # values of a run for each stage, as text, in the o
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:
-    """Return a text for each stage from the values of its keys. Two runs share the stages up to the first different
-    text.
-    """
+    """Return a text for each stage from the values of its keys. Two runs share all stages before different texts."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]

@@ -69,9 +69,7 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width across the stripes, 2 d / |grad z| on faces of material; the smaller value of the two
-    families.
-    """
+    """Return the width across the stripes, 2 d / |grad z| on faces of material, of the narrower family."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)

@@ -24,9 +24,7 @@ DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, in equal steps or by equal factors; whole numbers if both ends are
-    whole.
-    """
+    """Values from `from` to `to`, both included, in equal steps or factors; whole numbers if both ends are whole."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -171,9 +169,7 @@ class Constraint:
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the distance to the limit as a share of the limit: 0 if the limit is met, infinite if the metric
-        is missing.
-        """
+        """Return the distance to the limit over the limit: 0 if the limit is met, infinite without the metric."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -329,16 +325,12 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError that lists every
-    mistake.
-    """
+    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError with all mistakes."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """Return the unchecked tables of a sweep file, with paths relative to its folder. Raises PresetError for
-    invalid TOML.
-    """
+    """Return the unchecked tables of a sweep file, with paths relative to its folder. Raises PresetError."""
     return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 

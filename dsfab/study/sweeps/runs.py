@@ -60,9 +60,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return points that reveal mistakes in the keys and values of a search: both ends of each axis and places
-    between.
-    """
+    """Return points that reveal mistakes in the keys and values of a search: ends and inner places of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -256,9 +254,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Reset runs in these states to waiting, by default runs in progress when a coordinator died. Return their
-        number.
-        """
+        """Reset runs in these states to waiting, by default runs of a coordinator that died. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")

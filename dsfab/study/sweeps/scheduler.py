@@ -11,9 +11,7 @@ from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
-TRIES = 2
-"""Number of dead workers after which a run waits for the next session, or runs alone if they died in several sessions.
-"""
+TRIES = 2  # number of dead workers after which a run waits for the next session, or after several sessions runs alone
 PATIENCE = 600.0  # seconds without any worker before the scheduler gives up
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 

@@ -25,9 +25,7 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file. `dsfab.app` passes this function, because only the app
-draws.
-"""
+"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because only the app draws."""
 
 
 @dataclass(frozen=True)

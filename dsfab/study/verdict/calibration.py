@@ -91,9 +91,7 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if a mesh finer than those of the verdict was solved, so that the truth is independent of the
-        verdict.
-        """
+        """True if a mesh finer than those of the verdict was solved, so that the truth is independent of it."""
         return len(self.compliance) > self.levels
 
     @property

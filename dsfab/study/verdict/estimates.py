@@ -150,9 +150,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
 
 
 def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
-    """Return the extreme of values (m,) on faces. off_corner_faces : (m,) mask of the faces that are far from
-    corners.
-    """
+    """Return the extreme of values (m,) on faces. off_corner_faces : (m,) mask of the faces far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None

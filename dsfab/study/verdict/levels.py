@@ -66,9 +66,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 3), metres, with barycentric weights (k, n). A row has at most three weights, all in
-        one face.
-        """
+        """Return points (k, 3), metres, with barycentric weights (k, n); a row has up to three weights, in one face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat

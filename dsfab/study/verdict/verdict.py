@@ -369,9 +369,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return L^2 / (R h) of the flat faces: eight times the median distance of an edge's middle from its chord,
-    over h.
-    """
+    """Return L^2 / (R h) of flat faces: eight times the median distance of an edge's middle from its chord, over h."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 

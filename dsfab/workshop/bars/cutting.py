@@ -21,8 +21,7 @@ BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 with
 room is used.
 """
-LEG_NAME = "ground"
-"""Name of a plate's leg, because a leg has no bar that gives it a name."""
+LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
 
 
 @dataclass(frozen=True)
@@ -40,9 +39,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from the beginning of a bar to its bolts and to the end of the plate (m); no bolts
-        without room.
-        """
+        """Return distances from a bar's beginning to its bolts and to the plate's end (m); no bolts without room."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)

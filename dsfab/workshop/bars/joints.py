@@ -24,23 +24,16 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))
-"""Sine of the least slope that a surface needs at a support for a leg."""
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
 LEAST_SIDE, ARM_SHARE = 1.5, 0.45
-"""Two limits for half the width of an arm: its least value over the bolt or anchor diameter, and its share of the
-narrowest member.
-"""
+"""Half the width of an arm: least value over the bolt or anchor diameter, and share of the narrowest member."""
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
-"""Anchor diameters from the fold to the first anchor, from there to the second, and from there to the end of the
-leg.
-"""
+"""Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Leg of a plate: unit direction `way` (3,) in the plate, fold towards the normal (radians), anchor diameter
-    (m).
-    """
+    """Leg of a plate: unit direction `way` (3,) in the plate, fold to the normal (radians), anchor diameter (m)."""
 
     way: Floats
     fold: float
@@ -234,7 +227,7 @@ class BarLattice:
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
         """Return the lattice with legs at supports, and names of nodes on too flat a surface or with a bar in the
-        leg's way.
+        way.
         """
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
         points, normals = (

@@ -15,10 +15,8 @@ from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
-BAR_CLEARANCE = 0.25
-"""Clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
-LEAST_BAR = 4.0
-"""Shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt."""
+BAR_CLEARANCE = 0.25  # clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar
+LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,7 +139,7 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends form a
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends are a
     group.
     """
     number = {key: k for k, key in enumerate(keys)}

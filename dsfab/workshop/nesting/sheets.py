@@ -31,8 +31,7 @@ from dsfab.workshop.nesting.skyline import (
 )
 from dsfab.workshop.parts import OUTLINE_TOLERANCE, FlatPart
 
-SheetSize = tuple[float, float]
-"""Length and width of a sheet (m)."""
+SheetSize = tuple[float, float]  # length and width of a sheet (m)
 
 
 @dataclass(frozen=True, eq=False)

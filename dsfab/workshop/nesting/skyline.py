@@ -1,6 +1,4 @@
-"""A partly filled sheet: shapes of parts in narrow columns, the skyline of its parts, and the gaps below the
-skyline.
-"""
+"""A partly filled sheet: shapes of parts in narrow columns, the skyline of its parts, and the gaps below them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -12,8 +10,7 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.workshop.parts import FlatPart, polygon_area, rotation_matrix
 
-ROUNDING = 1e-9
-"""Tolerance for rounding errors (m)."""
+ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,9 +48,7 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return the shapes of a part along the sheet, and across the sheet if the part is short enough. A box needs
-    fewer turns.
-    """
+    """Return the shapes of a part along the sheet and, if short enough, across it. A box needs fewer turns."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))

@@ -36,18 +36,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: its normal is -B, and its left the surface
-    normal.
-    """
+    """Return the course of a plank from a course along the surface: its normal is -B, its left the surface normal."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return courses of all planks along the surface, and those of them that stop before another plank or before a
-    curl.
-    """
+    """Return courses of all planks along the surface, and those that stop before another plank or before a curl."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -139,9 +135,7 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Reason why planks cannot be built, in numbers, as a clause that begins with "would"; "" if planks are
-        possible.
-        """
+        """Reason why planks are impossible, in numbers, as a clause that begins with "would"; "" if possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"

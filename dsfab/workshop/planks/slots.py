@@ -40,8 +40,7 @@ def middle_direction(normals: Floats) -> Floats:
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
 """Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier ones."""
-SLOT_CLEARANCE = 2e-4
-"""Clearance between a plank and each side and the bottom of a slot (m)."""
+SLOT_CLEARANCE = 2e-4  # clearance between a plank and each side and the bottom of a slot (m)
 LEAST_DEGREES = 30.0
 """Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
 
@@ -68,9 +67,7 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the length (m) per metre of height by which the lower and the upper slot open for a unit assembly
-        direction (3,).
-        """
+        """Return the lengths by which both slots open, over their height, for a unit assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -108,9 +105,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, the lowest first; up : (3,) unit vector.
-    The lowest family stands on the ground and carries the rest.
-    """
+    """Return the families, the lowest first, which stands on the ground and carries the rest; up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
@@ -142,9 +137,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks, from Newton steps with the plane through both tangents: P + u T + w n = Q
-    + v U.
-    """
+    """Return the crossing of two planks, by steps in the plane through both tangents: P + u T + w n = Q + v U."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
