@@ -26,7 +26,6 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     curvature
     (1/m) and `places` [x, y, z, ...] (m) from the middle of the structure's box. `reach` is their extent around these
     places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
-
     judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
              missing, nothing carries the loads, or the pattern leaves no material.
     """

@@ -67,7 +67,6 @@ def picture(
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
     """Return a picture of a solid or a sheet, whole on the page, from a side that suits its shape.
-
     V, F    : (n, 3) metres and (m, 3), outward oriented.
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.

@@ -15,29 +15,7 @@ from dsfab.design import Progress, draft
 from dsfab.design.design import Design
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
-from dsfab.render import light
-from dsfab.render.colouring import (
-    DEFORMED,
-    MODE_FIELDS,
-    STATICS_RESULTS,
-    WHOLE_SHEET,
-    ColourBar,
-    check_show,
-    face_colouring,
-    mode_gradient,
-    with_bar,
-)
-from dsfab.render.drawing import (
-    EVERY_LAYER,
-    LAYERS,
-    Annotations,
-    GroundKind,
-    check_ground,
-    legend,
-    page_view,
-    render_stage,
-    set_stage,
-)
+from dsfab.render import colouring, drawing, light
 from dsfab.render.lettering import PAPER, Palette, with_legend
 from dsfab.render.light import FINE, LightQuality
 from dsfab.render.marks import crosses
@@ -56,7 +34,6 @@ TRIAL_SIZE = (96, 72)  # size of the pictures that test the shader (pixels)
 
 class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
-
     design  : a Design, or a draft (see `dsfab.design.draft`); neither needs a cut sheet or a solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
     show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
@@ -78,11 +55,11 @@ class Previewer:
         view: str = "iso",
         show: str = "structure",
         marks: bool | Collection[str] = True,
-        ground: GroundKind = "paper",
+        ground: drawing.GroundKind = "paper",
         palette: Palette = PAPER,
     ) -> None:
-        check_show(show)
-        check_ground(ground)
+        colouring.check_show(show)
+        drawing.check_ground(ground)
         surface, load = design.surface, design.load
         up = up_axis(surface.V, surface, load)
         self._side = named_side(surface.V, up, view)
@@ -96,25 +73,25 @@ class Previewer:
         tints = self._tints = palette.tints if show == "families" else None
         palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
         self._clear = ground == "transparent"
-        colouring = face_colouring(design, show, palette)
-        self._bar, self._words = colouring.bar, colouring.words
-        self._V, self._face = colouring.V, colouring.face
+        faces = colouring.face_colouring(design, show, palette)
+        self._bar, self._words = faces.bar, faces.words
+        self._V, self._face = faces.V, faces.face
         self._mesh = StripedMesh.from_design(design)
         body = self._body()
-        shape = surface if colouring.V is None else replace(surface, V=colouring.V)
+        shape = surface if faces.V is None else replace(surface, V=faces.V)
         half = design.preset.statics.thickness / 2
         layers = layer_names(marks, view)
         reaction = design.statics.equilibrium.reaction
-        self._arrows = show in MODE_FIELDS and "gradients" in layers
-        gradient = mode_gradient(design, show) if self._arrows else None
+        self._arrows = show in colouring.MODE_FIELDS and "gradients" in layers
+        gradient = colouring.mode_gradient(design, show) if self._arrows else None
         blue = show in ("stress", "directions")  # blue means compression in these pictures
         mark_palette = replace(palette, load=palette.text) if blue else palette
         self._palette = mark_palette
         present = ("kept", *design.preset.pattern.family_names)
         pairs = zip(TINTED_FAMILIES, tints, strict=True) if tints else ()
         self._swatches = tuple((name, tint) for name, tint in pairs if name in present)
-        annotations = Annotations(shape, load, reaction, gradient, layers)
-        self._stage = set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
+        annotations = drawing.Annotations(shape, load, reaction, gradient, layers)
+        self._stage = drawing.set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # views from below have no ground
@@ -148,7 +125,7 @@ class Previewer:
         return self._words
 
     @property
-    def bar(self) -> ColourBar | None:
+    def bar(self) -> colouring.ColourBar | None:
         """Colour bar of the picture; None without a colour bar."""
         return self._bar
 
@@ -160,7 +137,7 @@ class Previewer:
         """Return whether `display` can draw a preset: its geometry and loads must be those of the current preset."""
         old, shown = self._preset, self._show
         same_shape = preset.first_difference(old) != "surface" and (
-            (shown not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
+            (shown not in (*colouring.DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
         )
         if self._arrows and getattr(preset.pattern, shown[:5]).mode != getattr(old.pattern, shown[:5]).mode:
             return False
@@ -186,10 +163,10 @@ class Previewer:
         if not needs_only_settings(self._made.preset, preset):
             design = draft(preset, earlier=self._made)
             mesh = StripedMesh.from_design(design)
-            stressed = self._show in ("stress", *STATICS_RESULTS) and design.statics is not self._made.statics
-            if stressed or self._show in MODE_FIELDS:
-                colouring = face_colouring(design, self._show, self._palette)
-                self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
+            stressed = self._show in ("stress", *colouring.STATICS_RESULTS) and design.statics is not self._made.statics
+            if stressed or self._show in colouring.MODE_FIELDS:
+                faces = colouring.face_colouring(design, self._show, self._palette)
+                self._face, self._bar, self._words = faces.face, faces.bar, faces.words
                 self._shader.recolour(self._mesh.on_faces(self._face))
             now, old_pattern = design.preset.pattern, self._made.preset.pattern
             if now.region != old_pattern.region or (now.region and now.keep != old_pattern.keep):
@@ -219,7 +196,7 @@ class Previewer:
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         stage = replace(self._stage, view=self._view(size, words))
-        image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
+        image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
         release_freed_memory(
             16.0 * size[0] * size[1] * quality.finer**2
         )  # intermediate pictures are not needed any more
@@ -228,8 +205,8 @@ class Previewer:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
             line = self._caption() if caption is None else caption
-            image = with_legend(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
-            image = with_bar(image, self._bar, self._palette) if self._bar else image
+            image = with_legend(image, drawing.legend(stage, line, self._palette, size, self._swatches), self._palette)
+            image = colouring.with_bar(image, self._bar, self._palette) if self._bar else image
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
@@ -247,7 +224,9 @@ class Previewer:
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
         if (size, words) not in self._views:
-            self._views[size, words] = page_view(self._stage.bodies, self._side, size, words, self._bar is not None)
+            self._views[size, words] = drawing.page_view(
+                self._stage.bodies, self._side, size, words, self._bar is not None
+            )
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = DEFAULT_SIZE, caption: str | None = None) -> Path:
@@ -278,7 +257,7 @@ class Previewer:
         )
 
     def _send_numbers(self) -> None:
-        whole_sheet = self._show in WHOLE_SHEET
+        whole_sheet = self._show in colouring.WHOLE_SHEET
         self._shader.set(ALL_MATERIAL if whole_sheet else shader_settings(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
@@ -303,9 +282,9 @@ class Previewer:
 
 def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
     """Return the names of the marks that a view shows. Raises DsfabError for unknown names."""
-    layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
-    if unknown := sorted(layers - set(EVERY_LAYER)):
-        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
+    layers = set(drawing.LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
+    if unknown := sorted(layers - set(drawing.EVERY_LAYER)):
+        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(drawing.EVERY_LAYER)}")
     return layers - ({"person"} if view == "top" else set())
 
 
@@ -347,7 +326,9 @@ class Previewers:
         design = Design.from_preset(preset, self.design, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")
-            sketch = design.sketch(modes=show in MODE_FIELDS, answers=show in ("stress", *STATICS_RESULTS))
+            sketch = design.sketch(
+                modes=show in colouring.MODE_FIELDS, answers=show in ("stress", *colouring.STATICS_RESULTS)
+            )
             if sketch:
                 self._sketched(sketch)
         self.design = design.until("pattern")

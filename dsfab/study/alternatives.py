@@ -42,7 +42,6 @@ class Spread:
 @dataclass(frozen=True)
 class Competitor:
     """A structure under the design's loads, or the reason (`error`) why the structure is missing.
-
     variant         : name of the stiffest of several variants, such as "modes 1, 2".
     area_fraction   : share of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
     judgement       : None with an error.       pieces : number of the sheet's pieces.

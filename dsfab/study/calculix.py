@@ -60,9 +60,7 @@ def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
     """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
-
     fixed_nodes : numbers of nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
-
     Raises StaticsError if CalculiX fails.
     """
     program = shutil.which(CCX)

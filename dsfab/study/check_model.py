@@ -118,7 +118,6 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
     thickness : largest thickness of the section, metres. A stiffer material balances a thinner section: displacements,
                 reactions and energy stay, and stresses grow.
-
     Raises StaticsError for a sheet that is not flat.
     """
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():

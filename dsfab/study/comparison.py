@@ -109,13 +109,11 @@ def comparison(
     refuse: bool = True,
 ) -> Comparison:
     """Compare the compliance of the design's own cut sheet with competitors of the same mass.
-
     against : names of `BASELINES`.     judge : judge of the design and the full sheet; `quick` selects the best
               variants.
     rival_judge : judge of the competitors; default: `judge`.
     refuse  : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the
               error. Competitors have the mass of the cut sheet; a design that cannot be cut has no competitors.
-
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names.
     """
@@ -272,11 +270,9 @@ def compare(
     design: Design, against: Iterable[str] = DEFAULT, level: Level | None = None, progress: Progress = silent
 ) -> Comparison:
     """Compare the compliance of the design's own cut sheet with competitors of the same mass, like `dsfab compare`.
-
     against : names of `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, and a tested error bound.
               None: full for the design, and for competitors if all checks take less than a minute.
-
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
     """
     names = tuple(against)

@@ -94,7 +94,6 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
     """Return reasons, as clauses, why a design must not be exported without the user's consent. Reasons are loads that
     nothing carries, and a sheet thinned to a film. For a workshop design, they are also members and openings that are
     below their limit and below a millimetre.
-
     measured : measures of the design; None leaves out the reasons that need measures.
     """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []

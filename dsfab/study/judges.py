@@ -31,7 +31,6 @@ from dsfab.surface import LoadCase, Support, Surface
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-
     compliance, displacement : joules, and metres with its place.
     stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
@@ -66,7 +65,6 @@ class CaseResponse:
 @dataclass(frozen=True)
 class Judgement:
     """Result of a judge for a structure.
-
     compliance : joules, the weighted sum over the loads that the pattern follows.
     bound      : relative error bound, or None if the judge has none.
     verdict    : status of the bound (reliable or not); `reason` explains it.
@@ -126,10 +124,8 @@ def quick(
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
     within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar sheets; the result is
     not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
-
     ask   : number of frequencies and load factors; only the lowest is computed.
     every : whether to judge each case and combination, and not only those that the pattern follows.
-
     Raises StaticsError as `solved_loads` does.
     """
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
@@ -225,11 +221,9 @@ def full(
     is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from the finest mesh;
     displacements and reactions are those of the unrefined mesh. If the budget allows no solve, all results are those of
     `quick`.
-
     every : whether to judge each case and combination. If the sheet does not carry a case that the pattern does not
             follow, the verdict is `fail`.
     ask   : as for `quick`.         budget : bytes.
-
     Raises StaticsError if the structure does not carry the loads that its pattern follows.
     """
     try:

@@ -156,7 +156,6 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
-
     shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
     shift  : height of the middle between both skins over the surface, in half thicknesses.
     Strips, planks and cover plates are bent back from flat parts; plates have the stock's thickness. Bars have no

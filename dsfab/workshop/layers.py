@@ -31,7 +31,6 @@ class Layering:
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips
-
     families_below : families of `FAMILIES_BELOW` that have layers; a model has no layer for an absent family.
     letters : largest heights of part names and of node names (m).
     """

@@ -85,7 +85,6 @@ class Fold:
 @dataclass(frozen=True, eq=False)
 class FlatPart:
     """Part to cut, as seen from the side to which the surface normals point.
-
     id      : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
     member  : name of the member; "" for pieces of a sheet.
     span    : arc lengths of the axis at both ends (m); (0, 0) without an axis.

@@ -198,7 +198,6 @@ TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its leng
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
     """Parts of a design and the sheets from which they are cut.
-
     route     : "strips", "planks", "bars", "panels" or "sheet".
     thickness : thickness of the stock (m); a part may have a different thickness.
     parts     : all parts.    sheets : nested sheets, each part on one of them.

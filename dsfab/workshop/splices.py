@@ -51,7 +51,6 @@ def splice_cuts(
     name: str = "the strip",
 ) -> Cuts:
     """Return the cuts of a strip between two arc lengths.
-
     nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
     fits  : whether a piece between two arc lengths fits on the stock.    name : of the strip, for messages.
     Raises PatternError if the longest piece that fits is shorter than `clear`.

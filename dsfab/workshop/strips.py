@@ -35,7 +35,6 @@ class StripBolt:
 @dataclass
 class StripParts:
     """Flat parts of all strips: pieces, and cover plates of their splices.
-
     missing_holes      : "N003 in A07": nodes without a hole in a part, because a hole would be too close to an edge.
     splices_near_nodes : number of splices that are too close to a node.    splice_count : number of all splices.
     shortened          : names of members that stop before they run into a member of their layer.

@@ -41,7 +41,6 @@ from dsfab.surface.fields import voronoi_mass
 class ComparisonTask:
     """Input that all competitors of a design share: its preset with fixed modes and phases, its stages before the
     pattern, and the area of material (m2).
-
     frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes: the frequency at which
                 stripes on the first mode have the mean distance of the design's stripes.
     even      : evenly spaced stripes of the design; None for stripes on modes.

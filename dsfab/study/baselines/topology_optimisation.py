@@ -42,7 +42,6 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 @dataclass(frozen=True)
 class Simp:
     """Options of SIMP.
-
     radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
     iterations   : limit for each penalisation; a penalisation ends earlier if no density changes by more than `change`.
     penalisation : final p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
@@ -50,7 +49,6 @@ class Simp:
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
     void         : stiffness of an empty face over that of a full face.
     move         : largest change of a density in a step.
-
     Raises StaticsError for values out of range.
     """
 
@@ -133,10 +131,8 @@ def densities(
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].
-
     solid   : (m,) mask of faces that stay material.     weights : factor on each load's compliance in the sum; default
               1.
-
     Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces.
     """
     options, surface = options or Simp(), sheet.surface

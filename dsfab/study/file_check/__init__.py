@@ -55,7 +55,6 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-
     clearances : None for a file that is not closed.       distance, carrying : None if not measured, see `findings`.
     density    : kg/m3, 0 if unknown.
     """
@@ -90,12 +89,10 @@ def check_file(
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file and check its contents.
-
     design  : the expected design; None checks the file alone.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
     max_triangles : limit for the file (see `read_shipped`).
-
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
     """
     if progress:

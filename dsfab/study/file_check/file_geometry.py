@@ -34,7 +34,6 @@ CURVED = (
 @dataclass(frozen=True, eq=False)
 class FileContents:
     """Contents of a file.
-
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
     unit    : unit of the file's numbers.                   declared : whether the file names its unit.
     metres  : length of that unit in metres.                collapsed : triangles without three different corners.
@@ -70,11 +69,9 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
-
     unit : unit of the numbers of an STL file, default millimetres; 3MF and STEP files name their unit.
     max_triangles : limit for an STL or a 3MF file, so that huge files are refused early.
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
-
     Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, for coordinates that are not
     finite, and for a unit if the file names its unit.
     """
@@ -215,7 +212,6 @@ MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
-
     skin      : largest distance of the skins from their exact place, half a thickness away from the sheet, and the mean
                 (`skin_mean`). Thickness that the design removed in tight bends counts; feet and other extras do not.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.

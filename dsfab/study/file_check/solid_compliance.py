@@ -135,7 +135,6 @@ class SolidModel:
     def interpolation(self, points: Floats, reach: float) -> csr_array:
         """Return the matrix (3 k, N) from the unknowns to the displacements x, y, z of points (k, 3), point after
         point.
-
         reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point at a larger
                 distance.
         """
@@ -248,7 +247,6 @@ class SolidCompliance:
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
-
     edge : longest edge on the surface of the solid model, metres; default: one thickness, or a hundredth of the size.
 
     Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the

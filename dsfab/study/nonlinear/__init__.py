@@ -17,7 +17,6 @@ CANDIDATE, JUMP = 10.0, 5.0  # least displacement per load in a snap, over that 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Result of CalculiX for a design under one case.
-
     linear    : factor on the loads at which the perfect solid buckles by linear theory.
     limit     : factor at which the imperfect solid fails, or the largest factor of the path.
     given_way : True if the solid fails at `limit`.
@@ -66,11 +65,9 @@ def nonlinear_check(
     edge: float | None = None,
 ) -> NonlinearCheck:
     """Return the factor on its loads that the cut sheet of a design bears, as a solid, with large displacements.
-
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : edge length (m) of the surface that is cut for the check, or 0: see `without_fillets`.
-
     Raises StaticsError for springs, a time of 0, loads that the sheet does not carry, and if CalculiX is missing or
     fails.
     """
@@ -104,7 +101,6 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
     linear buckling by 0.4 % only.
     edge : edge length (m) of the cut surface if the design's edges are shorter; 0 leaves the design unchanged. A mesh
            that the design takes unchanged from its file stays.
-
     Raises StaticsError for an edge that is negative or longer than the surface.
     """
     if edge is not None and not 0 <= edge < design.surface.size:

@@ -271,7 +271,6 @@ def prepare(
     extend  : whether to add the runs of a changed plan to the recorded runs; new metrics or files repeat all runs.
               Without
               `extend`, a changed plan raises DsfabError.
-
     Invalid keys and values raise PresetError.
     """
     preset, runs = checked_plan(plan) if checked is None else checked

@@ -92,15 +92,12 @@ def sweep(
     keep: Callable[[Mapping[str, Any], Design], None] | None = None,
 ) -> list[Run]:
     """Run every combination of the values in `vary`; the value of the last key changes most often.
-
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or functions of a Design by name.
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
-
     The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
     stages that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
     folder, in many processes, which can continue after a stop.
-
     Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
     measured = _metrics(metrics)

@@ -32,7 +32,6 @@ MOST = 1_000_000  # limit on the number of runs; a grid with more runs is a mist
 def points(plan: Plan) -> list[Changes]:
     """Return the changes of each run, without repeats. Raises PresetError for grids beyond `MOST` and for CSV files
     that cannot be read.
-
     sobol : scrambled Sobol points. More points begin with the same points, so that a sweep can be extended.
     lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
     """

@@ -56,7 +56,6 @@ def conduct(
     """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep, if the sweep has more runs.
-
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them.
     """

@@ -197,7 +197,6 @@ the number of threads.
 
 class LocalWorkers:
     """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not stop the rest.
-
     workers : number of workers; default: as many as fit into memory, by the need of the first run.
     """
 
@@ -383,7 +382,6 @@ def map_in_processes(
     """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
     work : relative duration of an item; the longest items start first, so that all processes end at about the same
            time.
-
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """
     if workers == 1:

@@ -37,7 +37,6 @@ TABLE = files("dsfab.study.verdict") / "calibration.csv"  # the table that ships
 @dataclass(frozen=True)
 class TrialRow:
     """A random design, solved on two to four meshes.
-
     width, share : its width rule, and the share of the surface that is material.
     vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
     per_member, facets : see `Verdict`.

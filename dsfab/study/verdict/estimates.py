@@ -30,7 +30,6 @@ class ComplianceEstimate:
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
     """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the one
     before.
-
     spread   : relative difference to quadratic + midedge on the first mesh; about half of it remains after each
                refinement. On finer meshes it would cost half as much again.
     recovery : ZZ error of the finest mesh.
@@ -117,7 +116,6 @@ REENTRANT_ANGLE = np.radians(30)  # least inward turn of the outline at a reentr
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-
     away : largest value farther than a rib's width from corners, because peaks at corners grow with refinement; None
            for other quantities, or if every face is near a corner.
     """

@@ -39,7 +39,6 @@ CREASE_COSINE = np.cos(np.radians(30))  # least cosine between a face's normal a
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
     """Surface whose faces are quadratic patches over barycentric coordinates: p + sum over edges of 4 l_i l_j bulge.
-
     surface : the flat faces.
     bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
 
@@ -254,7 +253,6 @@ half of a symmetric factor, and its input is freed before: 1.2 million unknowns 
 @dataclass(frozen=True)
 class Level:
     """One mesh of a verdict.
-
     triangles  : number of triangles.      unknowns : number for the main pair (without bending in the plane).
     compliance : J, by the main pair, for each case: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for the quick level.
     midedge    : J, by `SPREAD_ELEMENTS`; empty if these did not run.
@@ -290,7 +288,6 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
-
     Raises StaticsError as `equilibria` does.
     """
     start = time.perf_counter()

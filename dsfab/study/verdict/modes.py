@@ -34,7 +34,6 @@ MODE_ELEMENTS: Elements = elements_of("buckling")  # elements of frequencies, to
 @dataclass(frozen=True)
 class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
-
     buckling : lowest factor of each case, None if the case compresses nothing; empty if not requested.
     hertz    : lowest frequency, None if not requested.
     """
@@ -68,9 +67,7 @@ def mode_intervals(
 
     The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
     if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. The result has no mode shapes.
-
     budget : bytes; a mesh that would need more is not solved.
-
     Errors do not raise: `refusals` lists them.
     """
     levels: list[ModeLevel] = []

@@ -102,7 +102,6 @@ Depth = Literal["quick", "full"]
 @dataclass(frozen=True)
 class CaseVerdict:
     """The verdict on one load case or combination.
-
     value  : compliance, J; nan without a solution.
     bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
     status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
@@ -126,7 +125,6 @@ class CaseVerdict:
 @dataclass(frozen=True)
 class Verdict:
     """Result of `check`.
-
     depth      : quick (one mesh) or full (two or three meshes).
     status     : the worst of all cases.       reason : reason of the governing case.
     cases      : the governing case first: the worst status, then the largest compliance.
@@ -304,7 +302,6 @@ def check(
     cells: Sheet | None = None,
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
-
     subject : a design, or a `LoadedSurface` that competitors share.
     sheet   : the material, with loose pieces, in the subject's surface; default: that of the design.
     depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose

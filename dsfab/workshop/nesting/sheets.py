@@ -52,7 +52,6 @@ def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
-
     stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
     prices : price of a sheet of each size.
 

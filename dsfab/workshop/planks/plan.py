@@ -18,18 +18,8 @@ from dsfab.workshop.development import StripCourse, member_course
 from dsfab.workshop.ground import BasePlane
 from dsfab.workshop.layers import courses_without_curls, shortened_courses, vanished_courses
 from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.planks import slots
 from dsfab.workshop.planks.plank import Plank, PlankStock
-from dsfab.workshop.planks.slots import (
-    LEAST_DEGREES,
-    SLIDE_ANGLE,
-    SLOT_CLEARANCE,
-    STANDING_ORDER,
-    Crossing,
-    PlankParts,
-    Slot,
-    plank_crossings,
-    slot_width,
-)
 from dsfab.workshop.plates import is_plate, plate_parts
 from dsfab.workshop.splices import scarf_line
 from dsfab.workshop.strips import is_strip
@@ -69,10 +59,9 @@ def plank_parts(
     stock: PlankStock,
     room: list[tuple[float, float]],
     ground: BasePlane | None = None,
-    order: Sequence[str] = STANDING_ORDER,
-) -> PlankParts:
+    order: Sequence[str] = slots.STANDING_ORDER,
+) -> slots.PlankParts:
     """Return the parts of all members that are planks.
-
     room   : lengths and widths (m) that parts may have on the stock.
     ground : base plane whose supports level the ends; None without supports.
     order  : families, from the lowest planks to the uppermost.
@@ -81,9 +70,9 @@ def plank_parts(
     courses, stopped = plank_courses(graph, stock)
     vanished = vanished_courses(stopped, dict.fromkeys(stopped, stock.depth))
     courses = {name: course for name, course in courses.items() if name not in vanished}
-    parts = PlankParts(
+    parts = slots.PlankParts(
         tuple(order),
-        crossings=plank_crossings(graph, courses, order),
+        crossings=slots.plank_crossings(graph, courses, order),
         shortened=sorted(set(stopped) - vanished),
         vanished=sorted(vanished),
     )
@@ -96,18 +85,20 @@ def plank_parts(
     for x in parts.crossings.crossings:
         lower, upper = (by_name[name] for name in x.members)
         leans = x.slot_leans(direction) if (direction := upper.direction_at(x.at[1])) is not None else (0.0, 0.0)
-        half = slot_width(stock.thickness, x.angle) / 2 + SLOT_CLEARANCE
-        lower.slots.append(Slot(x.node, x.at[0], (x.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True))
-        upper.slots.append(Slot(x.node, x.at[1], (SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False))
+        half = slots.slot_width(stock.thickness, x.angle) / 2 + slots.SLOT_CLEARANCE
+        lower.slots.append(slots.Slot(x.node, x.at[0], (x.rise - slots.SLOT_CLEARANCE) / 2, half, leans[0], above=True))
+        upper.slots.append(
+            slots.Slot(x.node, x.at[1], (slots.SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False)
+        )
     for plank in planks:
         plank.add_parts(parts)
     return parts
 
 
 def _reachable_crossings(
-    crossings: list[Crossing], courses: Mapping[str, StripCourse]
-) -> tuple[list[Crossing], list[str]]:
-    reached, missed = list[Crossing](), list[str]()
+    crossings: list[slots.Crossing], courses: Mapping[str, StripCourse]
+) -> tuple[list[slots.Crossing], list[str]]:
+    reached, missed = list[slots.Crossing](), list[str]()
     for crossing in crossings:
         places = [(courses[name], s) for name, s in zip(crossing.members, crossing.at, strict=True)]
         if all(course.begin <= s <= course.end or course.closed for course, s in places):
@@ -123,7 +114,7 @@ class PlankPlan:
     limit : strain at the material's strength; 0 if the preset has none.
     """
 
-    planks: PlankParts
+    planks: slots.PlankParts
     stock: PlankStock
     parts: tuple[FlatPart, ...]
     limit: float
@@ -141,7 +132,7 @@ class PlankPlan:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
         if planks.crossings.sharp_nodes:
             nodes = names_and_count(planks.crossings.sharp_nodes)
-            return f"would meet at under {LEAST_DEGREES:g} degrees at {nodes}, without slots"
+            return f"would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, without slots"
         if planks.crowded:
             return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
         if planks.stuck:
@@ -177,7 +168,7 @@ def plank_plan(
     room: list[tuple[float, float]],
     limit: float,
     ground: BasePlane | None = None,
-    order: Sequence[str] = STANDING_ORDER,
+    order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
     normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
@@ -224,13 +215,13 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
         sharpest = min(crossings.crossings, key=lambda crossing: crossing.angle)
         yield (
             f"{len(crossings.crossings)} nodes with a slot in both planks, cut square to the face; the widest are "
-            f"{length(slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
+            f"{length(slots.slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
             f"{np.degrees(sharpest.angle):.0f} degrees ({sharpest.node})"
         )
     if crossings.sharp_nodes:
         yield (
-            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {LEAST_DEGREES:g} degrees "
-            "and have no slots: notch or screw them there"
+            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {slots.LEAST_DEGREES:g} "
+            "degrees and have no slots: notch or screw them there"
         )
     if planks.crowded:
         yield (
@@ -247,7 +238,7 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
         yield (
             f"planks with slots from below are put on along one direction, and their slots open for it by up to "
             f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced to keep this angle below "
-            f"{np.degrees(SLIDE_ANGLE):.0f}"
+            f"{np.degrees(slots.SLIDE_ANGLE):.0f}"
         )
     if planks.stuck:
         worst = max(planks.stuck, key=lambda name: planks.stuck[name])

@@ -153,7 +153,6 @@ def _crossing(
 @dataclass
 class PlankParts:
     """Flat parts of all planks, with notes on them.
-
     order     : families, from the lowest planks to the uppermost.
     crossings : nodes with and without slots.
     crowded   : slots that would run into a neighbouring slot, "N007 in A02".
