@@ -192,9 +192,8 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     width, height = image.size
     letter = max(height / 46, 9.0)
     left_edge, base, bar_pixels = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
-    strip = np.broadcast_to(
-        ramp(np.linspace(0, 1, bar_pixels), bar.colours, bar.bands), (max(round(0.55 * letter), 4), bar_pixels, 3)
-    )
+    row = ramp(np.linspace(0, 1, bar_pixels), bar.colours, bar.bands)
+    strip = np.broadcast_to(row, (max(round(0.55 * letter), 4), bar_pixels, 3))
     image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left_edge), round(base)))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
     top, label_base = base - 0.5 * letter, base + 1.55 * letter
@@ -235,18 +234,16 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
     words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
-    shown = _scaled_colouring(
-        np.minimum(share, 1.0), lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words
-    )
+    limited = np.minimum(share, 1.0)
+    shown = _scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
     return Colouring(face, shown.bar, None, words)
 
 
 def energy_label(joules: float) -> str:
     """Return an energy in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
-    factor, unit = next(
-        ((f, u) for f, u in ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")) if abs(joules) >= f), (1e-6, "uJ")
-    )
+    units = ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ"))
+    factor, unit = next(((f, u) for f, u in units if abs(joules) >= f), (1e-6, "uJ"))
     return f"{joules / factor:.3g} {unit}/m2"
 
 

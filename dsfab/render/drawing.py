@@ -155,9 +155,8 @@ def legend(
     """Return the caption, names of marks and scale of a picture. The scale is exact at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
-    names = [
-        name for name in kinds if any(np.array_equal(b.colour, palette.colour_bytes(name)) for b in stage.bodies[1:])
-    ]
+    colours = [body.colour for body in stage.bodies[1:]]
+    names = [name for name in kinds if any(np.array_equal(c, palette.colour_bytes(name)) for c in colours)]
     return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)
 
 
@@ -237,7 +236,6 @@ def render_stage(
 
 
 def _light_share(share: Floats32, width: int, height: int) -> Bytes:
-    """Return the share of light on the ground as bytes (height, width), without shadows at the edge of the page."""
     from PIL import Image
 
     margin = 0.12 * share.shape[0]

@@ -197,7 +197,6 @@ def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -
 
 
 def _free_place(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
-    """Return a place (2,) on the member and a free middle (2,) for a name; half : (2,) half of the name's size."""
     for place in places:
         if not _is_taken(taken, place, half):
             return place, place

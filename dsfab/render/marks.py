@@ -72,10 +72,9 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     up   : (3,) unit vector: arrows on an open sheet are on its upper side, whatever the direction of its faces.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
-    points = _gathered_forces(surface.V, load.force, acts & load.loaded, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
-    spread = _gathered_forces(
-        surface.V, load.force, acts & ~load.loaded, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size
-    )
+    V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
+    points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
+    spread = _gathered_forces(V, load.force, elsewhere, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size)
     vertices = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)

@@ -224,9 +224,8 @@ class Previewer:
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
         if (size, words) not in self._views:
-            self._views[size, words] = drawing.page_view(
-                self._stage.bodies, self._side, size, words, self._bar is not None
-            )
+            bodies, scale = self._stage.bodies, self._bar is not None
+            self._views[size, words] = drawing.page_view(bodies, self._side, size, words, scale)
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = DEFAULT_SIZE, caption: str | None = None) -> Path:
@@ -326,10 +325,8 @@ class Previewers:
         design = Design.from_preset(preset, self.design, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")
-            sketch = design.sketch(
-                modes=show in colouring.MODE_FIELDS, answers=show in ("stress", *colouring.STATICS_RESULTS)
-            )
-            if sketch:
+            modes, answers = show in colouring.MODE_FIELDS, show in ("stress", *colouring.STATICS_RESULTS)
+            if sketch := design.sketch(modes=modes, answers=answers):
                 self._sketched(sketch)
         self.design = design.until("pattern")
         return self.design

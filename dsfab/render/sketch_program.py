@@ -65,7 +65,6 @@ def _print_line(line: str) -> None:
 
 
 def _read_requests(requests: "SimpleQueue[bytes]") -> None:
-    """Read requests while pictures are drawn. End the process when its input closes."""
     source = sys.stdin.buffer
     while len(head := source.read(8)) == 8:
         requests.put(source.read(int.from_bytes(head, "little")))

@@ -179,9 +179,8 @@ class Alternative:
         """Return plain values for a file, None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
         values = {"name": self.name, **{key: x if np.isfinite(x) else None for key, x in numbers.items()}}
-        return {**values, "design_loses": self.is_stiffer, "level": self.level, "variant": self.variant} | (
-            {"error": self.error} if self.error else {}
-        )
+        values |= {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
+        return values | ({"error": self.error} if self.error else {})
 
 
 def losing_line(candidates: Iterable[Alternative]) -> str:

@@ -140,7 +140,6 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
 
 
 def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: Bools) -> tuple[Ints, Ints]:
-    """Return `fixed` and `opposite` for a mask of held directions (n + e, 3) of vertices and middles of edges."""
     n = surface.n
     vertex, direction = np.nonzero(held_directions[:n])
     edge, edge_direction = np.nonzero(held_directions[n:])

@@ -275,9 +275,8 @@ def _answers(
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")
-    return solve_cases(
-        SheetModel(surface, sheet.elastic, sheet.thickness), cases, pair, spreads=spreads, combinations=sums
-    )
+    model = SheetModel(surface, sheet.elastic, sheet.thickness)
+    return solve_cases(model, cases, pair, spreads=spreads, combinations=sums)
 
 
 def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:

@@ -173,7 +173,6 @@ def _point(x: Floats) -> tuple[float, float, float]:
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
-    """Return the reaction (N) of each support; supports that overlap have equal shares."""
     supports = acting_on(task.preset, task.surface).support
     marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
     shares = marks / np.maximum(marks.sum(axis=0), 1)
@@ -249,7 +248,10 @@ def full(
         name: _with_stress(case, finest.stresses[name], finest.triangles, strength)
         for name, case in quick_judgement.cases.items()
     }
-    value, bound, theory = _weighted_compliance(task, checked)
+    weighted = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
+    value = sum(weight * case.value for weight, case in weighted)
+    bound = sum(weight * case.value * case.bound for weight, case in weighted) / value
+    theory = sum(weight * case.value * case.theory for weight, case in weighted) / value
     judged = replace(quick_judgement, compliance=value, bound=bound, theory=theory, verdict=checked.status, cases=cases)
     return replace(judged, reason=checked.reason, check=checked)
 
@@ -276,10 +278,3 @@ def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResp
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
     )
-
-
-def _weighted_compliance(task: ComparisonTask, checked: Verdict) -> tuple[float, float, float]:
-    cases = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
-    value = sum(weight * case.value for weight, case in cases)
-    bound = sum(weight * case.value * case.bound for weight, case in cases) / value
-    return value, bound, sum(weight * case.value * case.theory for weight, case in cases) / value

@@ -107,7 +107,8 @@ def short_names(keys: Sequence[str]) -> dict[str, str]:
     for key in keys:
         words = key.split(".")
         endings = (".".join(words[i:]) for i in reversed(range(len(words))))
+        others = [f".{other}" for other in keys if other != key]
         names[key] = next(
-            end for end in endings if end == key or not any(o != key and f".{o}".endswith(f".{end}") for o in keys)
+            end for end in endings if not any(other.endswith(f".{end}") for other in others) or end == key
         )
     return names

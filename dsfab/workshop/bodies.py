@@ -109,7 +109,6 @@ def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
 
 
 def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
-    """Return a plank from its outline with slots; its edges are the lowest and highest points at each place."""
     layer = Development(course, part.layer)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))

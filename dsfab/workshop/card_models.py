@@ -40,7 +40,9 @@ def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
     """Return members and nodes at 1 : scale; lengths shrink, curvatures grow, and names do not change."""
     sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
     members = tuple(_scaled_member(member, scale) for member in graph.members)
-    return replace(graph, sheet=sheet, members=members, nodes=tuple(_scaled_node(node, scale) for node in graph.nodes))
+    nodes = [replace(n, point=n.point / scale, area=n.area / scale**2) for n in graph.nodes]
+    nodes = [replace(node, at=(node.at[0] / scale, node.at[1] / scale)) for node in nodes]
+    return replace(graph, sheet=sheet, members=members, nodes=tuple(nodes))
 
 
 def _scaled_member(member: Member, scale: float) -> Member:
@@ -51,17 +53,11 @@ def _scaled_member(member: Member, scale: float) -> Member:
     return replace(member, area=member.area / scale**2, axis=axis, sides=member.sides / scale)
 
 
-def _scaled_node(node: Node, scale: float) -> Node:
-    stations = node.at[0] / scale, node.at[1] / scale
-    return replace(node, at=stations, point=node.point / scale, area=node.area / scale**2)
-
-
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
     """Return notes on a graph at model size with pins (m): bending of card, narrow members and coarse meshes."""
     notes = []
-    bending_text = (
-        f"card of {length(limits.thickness)} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
-    )
+    card = f"card of {length(limits.thickness)}"
+    bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
     if limits.bending > CREASE_STRAIN:
         notes.append(
@@ -107,7 +103,6 @@ def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
 
 
 def _rounded_scale(limit: float) -> float:
-    """Return the largest usual scale number up to `limit`; a limit below 1 is rounded down."""
     usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
     return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
@@ -151,9 +146,7 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Crossing member on a course: arc length, direction (2,), half width (m), node; over : whether it is
-    continuous.
-    """
+    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it is continuous."""
 
     name: str
     s: float
@@ -303,10 +296,8 @@ class _MemberPanels:
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
         fits, width = strip_fits(layer, room), self.member.mean_width
         stations = np.array([edge.s for edge in under if begin < edge.s < end])
-        with_tabs = splice_cuts(
-            (begin, end), stations, 1.5 * width, lambda a, b: fits(a - 1.2 * width, b + 1.2 * width)
-        )
-        cuts = with_tabs.stations[1:-1]
+        tabs = 1.2 * width  # room for a tab at each end
+        cuts = splice_cuts((begin, end), stations, 1.5 * width, lambda a, b: fits(a - tabs, b + tabs)).stations[1:-1]
         spliced_ends = [ends[0], *(self._splice_end(cut) for cut in cuts), ends[1]]
         begins = [ends[0], *(_PanelEnd(cut, cut) for cut in cuts)]
         return list(zip(begins, spliced_ends[1:], strict=True))

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from dsfab.core.arrays import Bools, Floats, cross, lock
-from dsfab.members import Member, MemberAxis, MemberGraph, Node
+from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
 OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts hide the width
@@ -92,7 +92,7 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
     axis = member.axis
     assert axis is not None
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
-    node_places = node_stations(member, graph.nodes_along[member.id])
+    node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
     if axis.closed:
         return _course_of_ring(axis, left_edge, right_edge, node_places, extra_length)
     before = overhang - float(node_places[0]) if len(node_places) and node_places[0] < overhang else 0.0
@@ -132,11 +132,6 @@ def uncurled_span(member: Member) -> tuple[float, float]:
     return begin, float(axis.s[tail[0] - 1]) if len(tail) else axis.length
 
 
-def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
-    """Return ascending arc lengths (q,) of the nodes on a member."""
-    return np.array([node.at[node.members.index(member.id)] for node in nodes])
-
-
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
     Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed.
@@ -157,7 +152,6 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Return sides (k, 2) without the effect of oblique cuts within `OBLIQUE_WIDTHS` widths of the ends."""
     past = min(OBLIQUE_WIDTHS * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)

@@ -82,12 +82,6 @@ class BasePlane:
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
-    def is_supported(self, point: Floats, width: float) -> bool:
-        """Return whether an end (3,) of a strip is at a support and close to the plate."""
-        limit = self.reach + width
-        distance = float(np.asarray(cKDTree(self.supports).query(point)[0]))
-        return distance < limit and abs(float(self.heights(point[None])[0])) < limit
-
     def support_height(self, point: Floats, width: float) -> float | None:
         """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if it is far away."""
         distance, k = cKDTree(self.supports).query(point)
@@ -102,7 +96,9 @@ class BasePlane:
         for at_end in (False, True):
             s = course.end if at_end else course.begin
             p = course.frame_at(np.array([s]))[0][0]
-            if self.is_supported(p, float(course.width(np.array([s]))[0])) and (foot := self._foot(layer, s, at_end)):
+            limit = self.reach + float(course.width(np.array([s]))[0])
+            distance = max(cKDTree(self.supports).query(p)[0], abs(float(self.heights(p[None])[0])))
+            if distance < limit and (foot := self._foot(layer, s, at_end)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
                 course = replace(course, end=middle) if at_end else replace(course, begin=middle)

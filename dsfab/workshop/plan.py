@@ -145,7 +145,6 @@ def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up
 
 
 def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
-    """Return the bars, or None if bars are impossible, and the objection to them, or ''."""
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:

@@ -179,7 +179,9 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     reduction = 0.0
     for _ in range(4):  # rectangles shrink, because bits of neighbours can enlarge a piece
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
-        part, excess = max(((part, _oversize(part, room)) for part in division.pieces), key=itemgetter(1))
+        turned = [*room, *((b, a) for a, b in room)]
+        excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
+        part, excess = max(excesses, key=itemgetter(1))
         if excess <= LINE_TOLERANCE * float(np.ptp(x)):
             return division
         reduction += excess
@@ -187,11 +189,6 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
         f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} with its joints, and "
         "fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
     )
-
-
-def _oversize(part: FlatPart, room: list[tuple[float, float]]) -> float:
-    x, y = part.size
-    return float(min(max(x - a, y - b) for a, b in [*room, *((b, a) for a, b in room)]))
 
 
 def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
@@ -341,7 +338,6 @@ def _edges_on_line(surface: Surface, axis: int, place: float) -> list[Floats]:
 
 
 def _widest_place(surface: Surface) -> tuple[Floats, float]:
-    """Return the place (2,) farthest from all edges of a flat surface, and its distance from their corners (m)."""
     rim = surface.V[np.unique(surface.edges.ends[surface.edges.boundary])]
     away = np.array([np.linalg.norm(rim - place, axis=1).min() for place in surface.centroids])
     return surface.centroids[away.argmax(), :2], float(away.max())

@@ -120,8 +120,6 @@ def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[
 
 @dataclass(frozen=True)
 class _StripLayer:
-    """A member in one of its layers."""
-
     graph: MemberGraph
     member: Member
     course: StripCourse

@@ -268,9 +268,8 @@ class IsotropicStripes(NamedTuple):
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
     """Return stripes of equal width and frequency on modes with r = 1, with the material of the task."""
-    blind = with_overrides(
-        task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
-    )
+    isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
+    blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
@@ -376,6 +375,5 @@ def _distinct_pairs(preset: Preset, pairs: Iterable[tuple[int, int]]) -> list[tu
 def _plain_stripes(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
     preset = with_overrides(task.on_modes, {"pattern.width": {"solid_fraction": task.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
-    return widened_structure(
-        task, preset, [ModeFamily.from_mode(task.surface, name, stripe, x) for name, x, stripe in stripes]
-    )
+    families = [ModeFamily.from_mode(task.surface, name, stripe, x) for name, x, stripe in stripes]
+    return widened_structure(task, preset, families)

@@ -92,9 +92,8 @@ def read_shipped(
         unit_name = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(unit_name)
         V, F, lost = _join_vertices(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
-        contents = FileContents(
-            path, V * metres, F, unit_name, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
-        )
+        reader = "lib3mf" if raw.unit else "trimesh"
+        contents = FileContents(path, V * metres, F, unit_name, raw.unit is not None, metres, lost, reader)
     if not np.isfinite(contents.V).all():
         raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
     if not len(contents.F):
@@ -193,7 +192,6 @@ def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
 
 
 def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
-    """Return a mask (k,) of the pairs of faces that share a corner, or that an edge connects, as in a tip."""
     n = int(F.max()) + 1
     ends = edge_table(F).ends
     keys = np.sort(ends[:, 0] * n + ends[:, 1])
@@ -315,7 +313,6 @@ def _farthest(
 
 
 def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
-    """Return the largest deviation of the skins, its place, and the mean deviation by area; 0 without skins."""
     sheet: Surface = design.sheet.surface
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)

@@ -142,9 +142,8 @@ def solid_check(
     load, u = path.load, np.linalg.norm(path.u, axis=2).max(axis=1)
     moved = float(np.interp(min(1.0, load[limit_step]), load[: limit_step + 1], u[: limit_step + 1]))
     wedges, minutes = len(model.solid.elements), seconds / 60 if path.late and not given_way else 0.0
-    return NonlinearCheck(
-        case, linear, float(load[limit_step]), given_way, imperfection, moved, load, u, wedges, minutes=minutes
-    )
+    limit = float(load[limit_step])
+    return NonlinearCheck(case, linear, limit, given_way, imperfection, moved, load, u, wedges, minutes=minutes)
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:

@@ -279,7 +279,8 @@ def prepare(
     with Store.create(folder) as store:
         recorded_plan, old_preset = store.meta("plan"), store.meta("preset")
         if recorded_plan is not None:
-            changed = _changed_keys(recorded_plan, settled) - HARMLESS
+            was, now = tomllib.loads(recorded_plan), tomllib.loads(texts["plan"])
+            changed = {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))} - HARMLESS
             if old_preset != texts["preset"]:
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
@@ -310,11 +311,6 @@ def _portable_plan(plan: Plan, runs: list[dict[str, Any]]) -> Plan:
         columns = {key: tuple(changes[key] for changes in runs) for key in runs[0]}
         update.update(sampling="grid", linked=(columns,))
     return plan.model_copy(update=update)
-
-
-def _changed_keys(old: str, new: Plan) -> set[str]:
-    was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
-    return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
 
 
 def _write(path: Path, content: bytes) -> None:

@@ -57,11 +57,6 @@ Metric = Callable[[Design], float]
 NARROWEST = 0.1  # share of the area that `min_width` omits, because modes have no slope at singular points
 
 
-def _sheet_mass(design: Design) -> float:
-    statics = design.preset.statics
-    return design.sheet.surface.area * statics.thickness * statics.density
-
-
 def _loose(design: Design) -> float:
     cells = design.slicing.cells
     material = float(cells.surface.areas @ cells.material)
@@ -95,7 +90,6 @@ def _slopes(design: Design, z: Floats) -> Floats:
 
 
 def _lower_share(values: Floats, weights: Floats, share: float) -> float:
-    """Return the value below which `share` of the weights lies; infinite if the sum of the weights is 0."""
     if not weights.sum() > 0:
         return float("inf")
     order = np.argsort(values)
@@ -108,7 +102,6 @@ def _quality(design: Design) -> PatternQuality:
 
 
 def _symmetry_error(design: Design) -> float:
-    """Return the error of the symmetry that the pattern uses or, else, that the mesh has; 0 without a symmetry."""
     group = used_symmetry(design)
     if group is None:
         loads = list(design.statics.loads(design.preset.followed_weights).values())
@@ -157,11 +150,6 @@ def _verdict(design: Design) -> float:
     return float(sum(weight * result.case(name).value for name, weight in design.preset.followed_weights.items()))
 
 
-def _verdict_bound(design: Design) -> float:
-    result = verdict(design)
-    return max(result.case(name).bound for name in design.preset.followed_weights)
-
-
 def _ratio_to_alternative(design: Design, name: str) -> float:
     alternative = next(candidate for candidate in design_alternatives(design) if candidate.name == name)
     return float("nan") if alternative.error else alternative.over
@@ -175,7 +163,9 @@ METRICS: dict[str, Metric] = {
     "pieces": lambda design: float(len(design.slicing.pieces)),
     "genus": lambda design: float(design.solid.genus),
     "compliance_uncut": lambda design: design.statics.equilibrium.compliance,
-    "sheet_mass": _sheet_mass,
+    "sheet_mass": lambda design: (
+        design.sheet.surface.area * design.preset.statics.thickness * design.preset.statics.density
+    ),
     "loose": _loose,
     "pinches": lambda design: float(design.slicing.pinches),
     "min_width": _min_width,
@@ -191,7 +181,7 @@ METRICS: dict[str, Metric] = {
     "stress": _stress,
     "buckling": _buckling,
     "verdict": _verdict,
-    "verdict_bound": _verdict_bound,
+    "verdict_bound": lambda design: max(verdict(design).case(x).bound for x in design.preset.followed_weights),
     "ersatz": _ersatz,
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
@@ -249,12 +239,8 @@ ABOUT: Mapping[str, MetricFacts] = {
     "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
     "verdict_bound": MetricFacts("", "less", "slicing", f"error bound of `verdict`; converged up to {CONVERGED:g}"),
     "over_thinner": MetricFacts("", "less", "slicing", "compliance over that of a thinner sheet of the same mass"),
-    "over_isotropic": MetricFacts(
-        "", "less", "slicing", "compliance over that of the best isotropic stripes of the same mass"
-    ),
-    "ersatz": MetricFacts(
-        "J", "less", "slicing", "rough compliance: the uncut mesh, with each face as thin as its share"
-    ),
+    "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
+    "ersatz": MetricFacts("J", "less", "slicing", "rough compliance of the uncut mesh, with thinner faces for gaps"),
 }
 """Description of each metric."""
 

@@ -102,10 +102,8 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     before = values[-2] - values[-3]
     ratio = before / step if step else float("inf")
     if ratio < STEP_RATIOS[0]:
-        shrinking = abs(ratio) >= STEP_RATIOS[0]
-        return ModeEstimate(
-            finest, max(2 * (abs(step) if shrinking else max(abs(step), abs(before))) / finest, LEAST_BOUND), ratio
-        )
+        error = abs(step) if abs(ratio) >= STEP_RATIOS[0] else max(abs(step), abs(before))
+        return ModeEstimate(finest, max(2 * error / finest, LEAST_BOUND), ratio)
     extension = step / (min(ratio, STEP_RATIOS[1]) - 1)
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 

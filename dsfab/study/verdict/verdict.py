@@ -280,9 +280,8 @@ class Refinement:
             reason = f"not converged: {percent(estimate.bound)} after {COUNT[len(values)]}"
         if len(values) > 1 and errors[2] >= 0.001:
             reason += f"; thin-shell theory: a solid is up to {percent(errors[2])} softer"
-        return CaseVerdict(
-            name, estimate.value, estimate.bound, "pass" if is_known else "unknown", reason, spread, *errors
-        )
+        status: Status = "pass" if is_known else "unknown"
+        return CaseVerdict(name, estimate.value, estimate.bound, status, reason, spread, *errors)
 
 
 def percent(share: float) -> str:

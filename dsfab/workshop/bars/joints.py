@@ -136,9 +136,8 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
             f"{max(angles):.0f} degrees to be level"
         )
     if flat:
-        sentences.append(
-            f"no leg at {names_and_count(flat)}: the surface is less steep than 5 degrees there, or a bar is in its way"
-        )
+        reason = "the surface is less steep than 5 degrees there, or a bar is in the way of the leg"
+        sentences.append(f"no leg at {names_and_count(flat)}: {reason}")
     return sentences
 
 
@@ -230,9 +229,8 @@ class BarLattice:
         way.
         """
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
-        points, normals = (
-            np.array([getattr(self.joints[k].node, name) for k in joined]) for name in ("point", "normal")
-        )
+        nodes = [self.joints[k].node for k in joined]
+        points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
         widths = [max(self.bars[number].bay.width for number, _ in self.joints[k].bars) for k in joined]
         joints, legless = list(self.joints), list[str]()
         for k, leg in footing.legs(points.reshape(-1, 3), normals.reshape(-1, 3), widths).items():
@@ -333,7 +331,6 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 
 
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
-    """Return the beginnings (2 b, 3) of the lines of b bars, in the planes of their nodes."""
     node_points = P[bay_ends.node]
     roots = node_points
     for _ in range(rounds):  # each round moves the roots less: e / (distance - e) times as far as the round before

@@ -139,8 +139,8 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends are a
-    group.
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends are
+    grouped.
     """
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))

@@ -142,9 +142,8 @@ def _box_area(parts: Sequence[FlatPart], gap: float) -> float:
 
 def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
     # long and bowed parts come first, because short parts fit between them
-    return sorted(
-        parts, key=lambda part: (-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id)
-    )
+    keys = [(-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id) for part in parts]
+    return [parts[k] for k in sorted(range(len(parts)), key=keys.__getitem__)]
 
 
 def _fill_sheets(

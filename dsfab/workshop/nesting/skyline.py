@@ -169,8 +169,6 @@ def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
 
 
 class _PartPlace(NamedTuple):
-    """Place of a turned part: its score (lower is better), its rise over the sheet's edge (m), and its first column."""
-
     score: float
     rise: float
     at: int

@@ -86,10 +86,9 @@ def plank_parts(
         lower, upper = (by_name[name] for name in x.members)
         leans = x.slot_leans(direction) if (direction := upper.direction_at(x.at[1])) is not None else (0.0, 0.0)
         half = slots.slot_width(stock.thickness, x.angle) / 2 + slots.SLOT_CLEARANCE
-        lower.slots.append(slots.Slot(x.node, x.at[0], (x.rise - slots.SLOT_CLEARANCE) / 2, half, leans[0], above=True))
-        upper.slots.append(
-            slots.Slot(x.node, x.at[1], (slots.SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False)
-        )
+        y = (x.rise - slots.SLOT_CLEARANCE) / 2
+        lower.slots.append(slots.Slot(x.node, x.at[0], y, half, leans[0], above=True))
+        upper.slots.append(slots.Slot(x.node, x.at[1], -y, half, leans[1], above=False))
     for plank in planks:
         plank.add_parts(parts)
     return parts

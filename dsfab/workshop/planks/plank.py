@@ -210,7 +210,9 @@ class Plank:
         """Add pieces and cover plates to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
-        holes = [self._splice_holes(joint, k) for k, joint in enumerate(joints, 1)] if stock.splice == "cover" else []
+        bolts = stock.layering.splice_bolts(stock.depth) if stock.splice == "cover" else ()
+        holes = [[(joint + x, y, f"{self.member.id}.c{k}") for x, y in bolts] for k, joint in enumerate(joints, 1)]
+        holes = holes if stock.splice == "cover" else []
         around = course.end - course.begin
         every = [hole for joint_holes in holes for hole in joint_holes]
         every += [(s + around, y, name) for s, y, name in every] if course.closed else []
@@ -267,10 +269,6 @@ class Plank:
                 ends[k] = cut
                 parts.level_ends += 1
         return ends[0], ends[1]
-
-    def _splice_holes(self, joint: float, number: int) -> list[tuple[float, float, str]]:
-        name = f"{self.member.id}.c{number}"
-        return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
 
     def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
         stock, reach = self.stock, self.stock.layering.half_cover_length
