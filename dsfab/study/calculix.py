@@ -128,7 +128,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     springs.
     """
     if load.spring.any():
-        raise StaticsError("springs of supports are not in the nonlinear check; hold these supports rigidly for it")
+        raise StaticsError("the nonlinear check has no springs at supports; hold these supports rigidly for the check")
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
@@ -322,8 +322,8 @@ def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
 
 def _timeout_error(seconds: float) -> StaticsError:
     return StaticsError(
-        f"CalculiX did not come to an end within {seconds / 60:.3g} minutes; make the mesh coarser "
-        "(--check-edge, surface.edge), or give it more: --minutes"
+        f"CalculiX did not end within {seconds / 60:.3g} minutes; make the mesh coarser (--check-edge, surface.edge), "
+        "or raise the time limit: --minutes"
     )
 
 

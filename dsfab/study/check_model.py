@@ -154,7 +154,7 @@ UNRELIABLE = (
 
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
-    "cut": "Loads are those of the cut sheet: its own weight, and what lies on coverings at the material nearest to it",
+    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
 """Sentence that explains the loads of each kind of model."""
 

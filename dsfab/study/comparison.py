@@ -289,7 +289,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
         seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, with two meshes
         if seconds > 60:
-            reason = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
+            reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))

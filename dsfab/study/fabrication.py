@@ -213,12 +213,12 @@ def _refuse_unfixable(check: Check) -> None:
     if check.name == "min_wall":
         raise PatternError(
             f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall {_mm(check.limit[0])}: no "
-            "pattern changes that; raise statics.thickness"
+            "pattern makes walls thicker; raise statics.thickness"
         )
     if check.name == "bed":
         size, bed = (" x ".join(_mm(x) for x in values) for values in (check.value, check.limit))
         raise PatternError(
-            f"the solid is {size}, the bed of the machine {bed}: no pattern changes that; split it with "
+            f"the solid is {size}, the bed of the machine {bed}: no pattern makes it smaller; split it with "
             "[[thickening.extra]] kind = 'split', or raise fabrication.bed"
         )
 

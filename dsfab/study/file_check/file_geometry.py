@@ -79,7 +79,7 @@ def read_shipped(
     suffix = path.suffix.lower()
     if path.is_dir():
         names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-        hint = f"give {path / names[0]}" if names else f"`dsfab check` reads {', '.join(SUFFIXES)}, and none is there"
+        hint = f"give {path / names[0]}" if names else f"it has no file that `dsfab check` reads: {', '.join(SUFFIXES)}"
         raise ExportError(f"{path} is a folder; {hint}")
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")

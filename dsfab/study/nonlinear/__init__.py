@@ -45,7 +45,7 @@ class NonlinearCheck:
         how, stop = f"gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
             how = f"followed to {self.limit:.3g} times its load"
-            stop = f", then stopped because {self.minutes:.3g} minutes were over (--minutes): it may bear more"
+            stop = f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): it may bear more"
         elif not self.given_way:
             how = f"bears {self.limit:.3g} times its load, and may bear more"
         mesh = f" of a surface with edges of {length(self.edge)}, cut without fillets" if self.edge else ""

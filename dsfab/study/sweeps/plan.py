@@ -278,7 +278,7 @@ class Plan(BaseModel):
             lengths = {key: len(values) for key, values in table.items()}
             if len(set(lengths.values())) > 1:
                 lengths_text = ", ".join(f"{key} {length}" for key, length in lengths.items())
-                mistakes.append(f"linked keys need lists of one length, here: {lengths_text}")
+                mistakes.append(f"linked keys need lists of equal length, but have {lengths_text}")
         return mistakes
 
     def _repeated_keys(self) -> list[str]:

@@ -72,14 +72,14 @@ def _possibility_lines(plan: BarPlan) -> Iterator[str]:
     if plan.too_short:
         yield (
             f"NOT POSSIBLE: {_names(plan.too_short)} too short for a bolt of {length(stock.bolt)} at each end; set "
-            "workshop.bolt smaller, make members narrower, or their spacing larger"
+            "a smaller workshop.bolt, narrower members, or a larger spacing"
         )
     dips = [(abs(end.dip), bar.bay.id) for bar in bars for end in bar.ends]
     twisted = max(bars, key=lambda bar: abs(bar.twist))
     yield (
         f"plates are folded by up to {np.degrees(max(dips)[0]):.1f} degrees ({max(dips)[1]}), and bars turned about "
-        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twisted as they are "
-        "bolted, or packed at their ends"
+        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twist them when "
+        "they are bolted, or put packing at their ends"
     )
     yield from _sharp_angles(plan)
 
