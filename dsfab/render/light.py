@@ -283,7 +283,7 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # radii
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # in radii; farther points are lit
     return points[is_near].T.astype(np.float32), is_near
 
 
@@ -291,7 +291,7 @@ def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
     """Return the share (h, w) of light on the floor. Blurred shadows of few lamps look like shadows of many."""
-    from scipy.ndimage import gaussian_filter  # slow to import
+    from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)
     share = np.ones(floor_pixels.shape, dtype=np.float32)

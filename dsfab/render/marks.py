@@ -236,7 +236,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvalue r; across it the eigenvalues are 1 and 0
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # belongs to the eigenvalue r; the rest are 1 and 0
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)

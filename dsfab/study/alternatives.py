@@ -139,7 +139,7 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Alternatives with the mass of a design, by name, in words for sentences."""
+"""Words for sentences about the alternatives with the mass of a design, by name of the alternative."""
 
 
 @dataclass(frozen=True)

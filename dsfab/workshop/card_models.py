@@ -296,7 +296,7 @@ class _MemberPanels:
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
         fits, width = strip_fits(layer, room), self.member.mean_width
         stations = np.array([edge.s for edge in under if begin < edge.s < end])
-        tabs = 1.2 * width  # room for a tab at each end
+        tabs = 1.2 * width  # each end needs this length for a tab (m)
         cuts = splice_cuts((begin, end), stations, 1.5 * width, lambda a, b: fits(a - tabs, b + tabs)).stations[1:-1]
         spliced_ends = [ends[0], *(self._splice_end(cut) for cut in cuts), ends[1]]
         begins = [ends[0], *(_PanelEnd(cut, cut) for cut in cuts)]

@@ -267,7 +267,7 @@ class Development:
         arc length of the course close to `s`, and the distance to the left (m).
         """
         y = 0.0
-        for _ in range(4):  # Newton steps
+        for _ in range(4):  # these are Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
             pierced = point + normal * ((P - point) @ N) / (normal @ N)
             y = float((pierced - P) @ B)

@@ -111,7 +111,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # tab: 0.6 of the width
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # a tab has 0.6 of it
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -122,7 +122,7 @@ class BasePlane:
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
         """Return arc lengths (q,) near `station` at which lines at sides (q,) have a height over the plate, or None."""
         s, course = np.full(len(sides), station), layer.course
-        for _ in range(20):  # Newton steps
+        for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
             slope = (T @ self.up) * np.interp(s, course.s, layer.length_ratio)
             excess = self.heights(P + sides[:, None] * B) - height
@@ -257,7 +257,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # names are not upside down
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # no name is upside down
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 

@@ -317,7 +317,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(kn.max(initial=0.0)))
         nearest = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of several equal members
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
     bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # ignores rare peaks
     edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"

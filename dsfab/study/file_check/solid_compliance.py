@@ -177,7 +177,7 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # exact, because strains are linear
+        basis = Basis(tets, element, elements=part, intorder=2)  # order 2 is exact, because strains are linear
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs

@@ -214,7 +214,7 @@ class Plan(BaseModel):
     mesh: str | None = None
     """Mesh file that replaces the preset's surface."""
     set: dict[str, Any] = {}
-    """Dotted keys and values of all runs."""
+    """Values that all runs share, by dotted key."""
     vary: dict[str, Values] = {}
     """Dotted keys, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
@@ -230,7 +230,7 @@ class Plan(BaseModel):
     keep: tuple[Kept, ...] = ("picture",)
     """Files that are kept of each run."""
     formats: tuple[Format, ...] = ("stl",)
-    """Formats of kept solids."""
+    """File formats of the solids that are kept."""
     size: Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")] = "480x360"
     """Pixels of the pictures."""
     view: str = "iso"

@@ -78,7 +78,7 @@ class Footing:
         """Return the legs of nodes (q, 3) at supports, by node number; None if the surface is too flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
-        limits = self.reach + 0.75 * np.asarray(widths)  # largest distance of a node's support
+        limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up

@@ -137,7 +137,7 @@ class SheetGap:
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
         """Return a gap for each run of columns with enough height for a part."""
-        high, least = ceiling - floor, grid.gap + 0.02  # metres: smaller gaps are of no use
+        high, least = ceiling - floor, grid.gap + 0.02  # metres: parts do not fit into smaller gaps
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
