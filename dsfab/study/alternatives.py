@@ -178,9 +178,9 @@ class Alternative:
     def record(self) -> dict[str, Any]:
         """Return plain values for a file, None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
-        values = {"name": self.name, **{key: x if np.isfinite(x) else None for key, x in numbers.items()}}
-        values |= {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
-        return values | ({"error": self.error} if self.error else {})
+        finite = {key: x if np.isfinite(x) else None for key, x in numbers.items()}
+        verdict = {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
+        return {"name": self.name, **finite, **verdict, **({"error": self.error} if self.error else {})}
 
 
 def losing_line(candidates: Iterable[Alternative]) -> str:

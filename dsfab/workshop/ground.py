@@ -97,8 +97,9 @@ class BasePlane:
             s = course.end if at_end else course.begin
             p = course.frame_at(np.array([s]))[0][0]
             limit = self.reach + float(course.width(np.array([s]))[0])
-            distance = max(cKDTree(self.supports).query(p)[0], abs(float(self.heights(p[None])[0])))
-            if distance < limit and (foot := self._foot(layer, s, at_end)):
+            away = float(np.asarray(cKDTree(self.supports).query(p)[0]))
+            is_near = max(away, abs(float(self.heights(p[None])[0]))) < limit
+            if is_near and (foot := self._foot(layer, s, at_end)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
                 course = replace(course, end=middle) if at_end else replace(course, begin=middle)
