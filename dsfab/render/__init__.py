@@ -1,4 +1,4 @@
-"""Pictures: all drawing code, independent of commands."""
+"""Pictures of designs and of their members; nothing here knows the commands of the program."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -11,14 +11,11 @@ __all__ = [
 ]  # fmt: skip
 
 if TYPE_CHECKING:
-    from dsfab.render.members import band_colours as band_colours
-    from dsfab.render.members import member_places as member_places
-    from dsfab.render.members import members_picture as members_picture
-    from dsfab.render.members import rated_members_picture as rated_members_picture
+    from dsfab.render.members import band_colours, member_places, members_picture, rated_members_picture
 
 
 def __getattr__(name: str) -> Any:
-    """Load pictures of whole designs on first use, because a single picture needs half of the modules."""
+    """Import pictures of members on first use, because a single picture needs half of the modules."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members

@@ -1,4 +1,4 @@
-"""Colours of the faces of a picture, from stress and other results, and the bar that explains them."""
+"""Colours of the faces of a picture, from stress and other results, and the bar that explains these colours."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -19,49 +19,33 @@ if TYPE_CHECKING:
     from dsfab.design import Design
     from dsfab.preset.model import Preset
 
-
 ShownResult = Literal[
-    "structure",
-    "stress",
-    "families",
-    "major",
-    "minor",
-    "loads",
-    "directions",
-    "major_mode",
-    "minor_mode",
-    "vonmises",
-    "utilisation",
-    "energy",
-    "displacement",
-    "buckling",
-    "frequency",
-]
+    "structure", "stress", "families", "major", "minor", "loads", "directions", "major_mode", "minor_mode", "vonmises",
+    "utilisation", "energy", "displacement", "buckling", "frequency",
+]  # fmt: skip
 
 STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
-DEFORMED = ("displacement", "buckling", "frequency")
-"""Results that are drawn as a deformed shape."""
-MODE_FIELDS = ("major_mode", "minor_mode")
-"""Names of the modes; stripes are level lines of a mode."""
+DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
+MODE_FIELDS = ("major_mode", "minor_mode")  # names of the modes; stripes are level lines of a mode
 WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
-"""Pictures of the sheet before stripes."""
+"""Pictures of the uncut sheet, which has no stripes yet."""
 COLOUR_PERCENTILE = 98.0
-"""Percentile of stress at which colours end, because peaks under loads and supports would hide the rest."""
+"""Percentile of the stress at which the colour scale ends; a few peaks under loads and supports are above it."""
 
-# compression, zero, tension: blue and red of equal darkness, usual for engineers and safe for colour-blind eyes
+# blue shows compression and red shows tension; both are equally dark, and colour-blind people can tell them apart
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
 )
 
-# teal and ochre show negative and positive values that are not stress
+# teal shows negative values and ochre positive values; neither is used for stress
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
 )
 
-# small to large values: pale to dark, so that a grey print is readable
+# large values are darker than small values, so that a grey print is readable
 _RISING = np.array(
     [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
 )
@@ -69,10 +53,10 @@ _RISING = np.array(
 
 @dataclass(frozen=True, eq=False)
 class ColourBar:
-    """Colour scale.
-    limit   : value at its end, at both ends if the scale has a middle.
-    labels  : labels below its left end, middle and right end.        names : labels above its left and right end.
-    colours : (k, 3) from left to right.                       bands: number of steps; 0 for a smooth scale.
+    """Colour scale of a picture.
+    limit   : value at the right end; a scale of positive and negative values begins at -limit, else at 0.
+    labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
+    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale.
     """
 
     limit: float
@@ -84,8 +68,8 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Face colours (m, 3) bytes, with their bar if they need it.
-    V : (n, 3) vertices (m) in place of those of the surface; None for the surface.    words : text for the caption.
+    """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; None if they show no values.
+    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption.
     """
 
     face: Bytes
@@ -95,7 +79,7 @@ class Colouring:
 
 
 def check_show(show: str) -> None:
-    """Raise DsfabError for an unknown picture."""
+    """Raise DsfabError unless `show` names a picture that a `Previewer` can draw."""
     if show == "fabrication":
         raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
     if show == "members":
@@ -107,9 +91,8 @@ def check_show(show: str) -> None:
 def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
     """Return the colours of the uncut surface's faces.
 
-    stress is the larger principal stress on each face, tension positive; for results of the statics see
-    `answer_colouring`.
-    Raises DsfabError for a result that the preset does not request.
+    The picture `stress` shows the larger principal stress of each face, tension positive.
+    For results of the statics see `answer_colouring`. Raises DsfabError for a result that the preset does not request.
     """
     if show in STATICS_RESULTS:
         return answer_colouring(design, show)
@@ -126,9 +109,8 @@ def face_colouring(design: "Design", show: str, palette: Palette) -> Colouring:
     colour = {"major": palette.families[0], "minor": palette.families[2], "loads": neutral, "directions": neutral}
     face = np.broadcast_to(np.array(colour.get(show, palette.members), dtype=np.uint8), (design.surface.m, 3))
     if show == "loads":
-        return Colouring(
-            face, words=f"loads, {force_label(float(np.linalg.norm(design.load.force.sum(axis=0))))} in all"
-        )
+        total = float(np.linalg.norm(design.load.force.sum(axis=0)))
+        return Colouring(face, words=f"loads, {force_label(total)} in all")
     if show == "directions":
         if design.preset.combines:
             return Colouring(face, words="directions of several cases together: red where most is carried, blue across")
@@ -151,14 +133,14 @@ def _mode_colouring(design: "Design", show: str) -> Colouring:
 
 
 def mode_gradient(design: "Design", show: str) -> Floats:
-    """Return the gradient (m, 3) of a mode on each face (1/m); stripes lie across it."""
+    """Return the gradient (m, 3) of a mode on each face (1/m); stripes are square to it."""
     surface, name = design.surface, show.removesuffix("_mode")
     value = getattr(design.diffusion, name).mode(getattr(design.preset.pattern, name).mode)
     return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return the end of the colours and the number of bands, 4 to 10 of a round width, that reach `limit`."""
+    """Return the end of a colour scale and its number of bands: 4 to 10 bands of a round width reach `limit`."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -182,7 +164,7 @@ def signed_colours(share: Floats) -> Bytes:
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares from 0 to 1 along `colours`, in steps of equal width for bands."""
+    """Return colours (k, 3) for shares (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -204,15 +186,14 @@ def force_label(newtons: float) -> str:
 
 
 def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
-    """Return the picture with the colour bar above its caption, on the left."""
+    """Return the picture with the colour bar on the left, above the caption."""
     from PIL import Image, ImageDraw, ImageFont
 
     width, height = image.size
     letter = max(height / 46, 9.0)
     left_edge, base, bar_pixels = 0.035 * width, height - 6.6 * letter, round(0.22 * width)
-    strip = np.broadcast_to(
-        ramp(np.linspace(0, 1, bar_pixels), bar.colours, bar.bands), (max(round(0.55 * letter), 4), bar_pixels, 3)
-    )
+    row = ramp(np.linspace(0, 1, bar_pixels), bar.colours, bar.bands)
+    strip = np.broadcast_to(row, (max(round(0.55 * letter), 4), bar_pixels, 3))
     image.paste(Image.fromarray(np.ascontiguousarray(strip)), (round(left_edge), round(base)))
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=0.9 * letter)
     top, label_base = base - 0.5 * letter, base + 1.55 * letter
@@ -223,14 +204,12 @@ def with_bar(image: "Image", bar: ColourBar, palette: Palette) -> "Image":
     return image
 
 
-EXAGGERATION = 0.08
-"""Largest drawn movement of a vertex, over the size of the surface."""
-YIELD_COLOUR = (96, 40, 150)
-"""Colour of faces beyond the strength: violet, which the colour scale does not have."""
+EXAGGERATION = 0.08  # largest drawn displacement of a vertex, over the size of the surface
+YIELD_COLOUR = (96, 40, 150)  # violet for faces whose stress exceeds the strength; the colour scale has no violet
 
 
 def preset_with_mode(preset: "Preset", show: str) -> "Preset":
-    """Return the preset with a request for the mode of a picture, if it has none."""
+    """Return the preset, with a request for the buckling mode or frequency that the picture needs."""
     from dsfab.preset.file import with_overrides
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -255,18 +234,16 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
     words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
-    shown = _scaled_colouring(
-        np.minimum(share, 1.0), lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words
-    )
+    limited = np.minimum(share, 1.0)
+    shown = _scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
     return Colouring(face, shown.bar, None, words)
 
 
 def energy_label(joules: float) -> str:
     """Return an energy in words: "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
-    factor, unit = next(
-        ((f, u) for f, u in ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")) if abs(joules) >= f), (1e-6, "uJ")
-    )
+    units = ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ"))
+    factor, unit = next(((f, u) for f, u in units if abs(joules) >= f), (1e-6, "uJ"))
     return f"{joules / factor:.3g} {unit}/m2"
 
 
@@ -281,7 +258,8 @@ def _displacement_colouring(design: "Design") -> Colouring:
     size = np.linalg.norm(u, axis=1)
     largest = float(size.max())
     factor = round_length(EXAGGERATION * design.surface.size / largest) if largest > 0 else 1.0
-    words = f"moves by {length(largest)} at most, drawn {_times(factor)} x, uncut sheet, {_elements_text(design)}"
+    times = f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
+    words = f"moves by {length(largest)} at most, drawn {times} x, uncut sheet, {_elements_text(design)}"
     limit, bands = band_limit(largest)
     bar = ColourBar(limit, ("0", "", length(limit)), ("", ""), bands=bands)
     face = rising_colours(size[design.surface.F].mean(axis=1) / limit, bands)
@@ -293,15 +271,11 @@ def _elements_text(design: "Design") -> str:
     return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
 
 
-def _times(factor: float) -> str:
-    return f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
-
-
 def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # in the direction of the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # along the load
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

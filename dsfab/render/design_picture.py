@@ -1,4 +1,4 @@
-"""The picture of a whole design with its caption: beside its files, or in a notebook."""
+"""The picture of a whole design with its caption, for its folder of files or for a notebook."""
 
 import os
 import pickle
@@ -27,7 +27,7 @@ from dsfab.render.view import named_side, up_axis
 
 
 def caption(design: Design) -> str:
-    """Return the line below a design's picture."""
+    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces."""
     pieces = design.solid.pieces
     share = design.sheet.surface.area / design.surface.area
     return (
@@ -36,12 +36,11 @@ def caption(design: Design) -> str:
     )
 
 
-SECONDS = 600.0
-"""Time limit for the drawing process, from the moment at which the caller waits for it."""
+SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
 
 
 def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
-    """Draw the finished structure into a PNG file; raises DsfabError if this machine cannot draw."""
+    """Draw the finished structure into a PNG file. Raises DsfabError if this machine cannot draw."""
     write_png(picture(**_picture_arguments(design, look)), path)
 
 
@@ -53,10 +52,9 @@ def structure_picture(
     ground: GroundKind = "paper",
     size: tuple[int, int] = DEFAULT_SIZE,
 ) -> Bytes:
-    """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes; 4 channels on transparent
-    ground.
+    """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes, or 4 on transparent ground.
 
-    Unlike a preview, it has no loose ends, and has round corners and filled openings.
+    The structure has round corners, filled openings and no loose ends; a preview is drawn before these steps.
     view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
     """
     drawing = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
@@ -72,7 +70,7 @@ def structure_drawing(
     ground: GroundKind = "paper",
     size: tuple[int, int] = DEFAULT_SIZE,
 ) -> StructurePicture:
-    """Return the data of `structure_picture`, with its parameters; raises DsfabError if the design is impossible."""
+    """Return the data of `structure_picture`, with its parameters. Raises DsfabError for an impossible design."""
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -109,14 +107,14 @@ def start_picture_program() -> Iterator[None]:
 
 @contextmanager
 def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
-    """Draw the picture of `write_picture` in a second process inside the context; the yielded function waits for it.
+    """Draw the picture of `write_picture` in a second process. The yielded function waits until the picture is written.
     With one core, or if the second process fails, that function draws the picture itself.
     Raises DsfabError if this machine cannot draw.
     """
     if (os.cpu_count() or 1) == 1:
         yield lambda: write_picture(design, path, look)
         return
-    require_rendering()  # sets the kind of window in the environment of both processes
+    require_rendering()  # sets VTK's kind of window in the environment of both processes
     with (
         temporary_folder("dsfab-picture") as folder,
         _STARTED_PROGRAM.get() or PreparedProgram(picture_program.__file__) as program,
@@ -135,21 +133,14 @@ def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK)
         yield finish
 
 
-NOTEBOOK_SIZE = (800, 600)
-"""Size of a picture in a notebook (pixels)."""
+NOTEBOOK_SIZE = (800, 600)  # size of a picture in a notebook (pixels)
 
 
 def inline_picture(design: Design) -> bytes | None:
-    """Return PNG bytes of a design's solid, or of its draft. If this machine cannot draw, warn and return None."""
+    """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
-            solid = design.solid
-            words = caption(design)
-            return png_bytes(
-                picture(
-                    solid.V, solid.F, surface=design.surface, load=design.load, caption=words, look=Look(NOTEBOOK_SIZE)
-                )
-            )
+            return png_bytes(picture(**_picture_arguments(design, Look(NOTEBOOK_SIZE))))
         with Previewer(design) as previewer:
             return png_bytes(previewer.picture(NOTEBOOK_SIZE, quality=QUICK))
     except DsfabError as error:

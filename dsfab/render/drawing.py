@@ -1,8 +1,8 @@
-"""The drawing of a scene: structure, marks, ground and camera, then light, shadow and edge lines."""
+"""The drawing of a scene: structure, marks, ground and camera, then light, shadows and edge lines."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -19,17 +19,12 @@ from dsfab.surface import LoadCase, Surface
 if TYPE_CHECKING:
     from PIL.Image import Image
 
-
 EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
-"""Marks that can explain a structure."""
-LAYERS = ("loads", "supports", "person")
-"""Marks of a picture by default."""
-PERSON_RANGE = (2.0, 60.0)
-"""Least and largest height (m) of structures with a person beside them."""
+"""Names of the marks that can stand beside a structure."""
+LAYERS = ("loads", "supports", "person")  # names of the marks that a picture shows by default
+PERSON_RANGE = (2.0, 60.0)  # least and largest height (m) of a structure that has a person beside it
 
-
-PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0
-"""Heights of the person and of the tree (m)."""
+PERSON_HEIGHT, TREE_HEIGHT = 1.75, 6.0  # heights of the person and of the tree (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +45,8 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Bodies, camera and floor of a picture; `level` is the height of the floor along `view.floor`, None without a
-    floor.
+    """Bodies, camera and floor of a picture, and the ball around the structure: its `centre` (3,) and `radius` (m).
+    level : height of the floor along `view.floor` (m); None without a floor.
     """
 
     bodies: list[Body]
@@ -70,23 +65,21 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place the camera, the marks and the ground; half : half of the structure's thickness (m); up : (3,) unit
-    vector.
-    """
+    """Place camera, marks and ground. half : half of the structure's thickness (m). up : (3,) of any length."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
     bodies, level = [body], float((V @ up).min())
     stands, surface, load = True, annotations.surface, annotations.load
     if surface is not None and load is not None:
-        mark_meshes = _marks(annotations, surface, load, _StructureFrame(side.towards, up, reach, half))
+        mark_meshes = _marks(annotations, surface, load, (side.towards, up), reach, half)
         bodies += [Body(*mesh, palette.colour_bytes(name)) for name, mesh in mark_meshes.items() if len(mesh[1])]
         stands = _stands_on_ground(surface, load, V, up, reach)
         if stands and "supports" in annotations.layers:
-            # the ground is at the feet of the support cones; lower arrows pass through the ground
+            # support cones stand on the ground; arrows below them pass through the ground
             level -= marks.CONE_HEIGHT * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind the plate
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a plate has a board behind it
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
@@ -99,14 +92,14 @@ def set_stage(
 def page_view(
     bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False
 ) -> View:
-    """Return the view in which bodies fill a page, above a strip for words, or for words and a colour scale."""
+    """Return the view in which bodies fill a page. Below them is a strip for words, or for words and a colour scale."""
     aspect = size[0] / size[1]
     half, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return fit_view(np.concatenate([body.V for body in bodies]), side, (-half * aspect, half * aspect, bottom, top))
 
 
 def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Return whether the structure stands on the ground: its supports are below it, at its lowest points."""
+    """Return whether the structure has its supports below it, at its lowest points, or has no supports."""
     if not load.supported.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -114,35 +107,29 @@ def _stands_on_ground(surface: Surface, load: LoadCase, V: Floats, up: Floats, r
     return below and float((surface.V[load.supported] @ up).min()) < lowest + tolerance
 
 
-class _StructureFrame(NamedTuple):
-    """View direction, up direction, size (m) and half thickness (m) of a structure."""
-
-    towards: Floats
-    up: Floats
-    reach: float
-    half: float
-
-
 def _marks(
-    annotations: Annotations, surface: Surface, load: LoadCase, frame: _StructureFrame
-) -> dict[MarkName, marks.MarkMesh]:
-    meshes: dict[MarkName, marks.MarkMesh] = {}
+    annotations: Annotations,
+    surface: Surface,
+    load: LoadCase,
+    directions: tuple[Floats, Floats],
+    reach: float,
+    half: float,
+) -> dict[MarkName, MarkMesh]:
+    (towards, up), meshes = directions, dict[MarkName, MarkMesh]()
     if "loads" in annotations.layers:
-        meshes["load"] = marks.load_arrows(surface, load, frame.reach, frame.half, frame.towards, frame.up)
+        meshes["load"] = marks.load_arrows(surface, load, reach, half, towards, up)
     if "supports" in annotations.layers:
-        meshes["support"] = marks.support_cones(surface, load, frame.reach, frame.up, frame.half)
+        meshes["support"] = marks.support_cones(surface, load, reach, up, half)
     if "reactions" in annotations.layers and annotations.reaction is not None:
-        meshes["reaction"] = marks.reaction_arrows(surface, load, annotations.reaction, frame.reach)
+        meshes["reaction"] = marks.reaction_arrows(surface, load, annotations.reaction, reach)
     if "gradients" in annotations.layers and annotations.gradient is not None:
-        meshes["gradient"] = marks.gradient_arrows(
-            surface, annotations.gradient, frame.reach, frame.half, frame.towards
-        )
+        meshes["gradient"] = marks.gradient_arrows(surface, annotations.gradient, reach, half, towards)
     return meshes
 
 
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
     middle, right, level = _ground_frame(V, side, foot)
-    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # obstacles for a person
+    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # a person must not touch these points
     if not len(near_foot):  # the edge of a wide roof on tall cones would hide a person
         near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
     distance = float(((near_foot - middle) @ right).max()) + apart
@@ -165,17 +152,16 @@ def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Float
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Return caption and scale; the scale holds at the structure's middle."""
+    """Return the caption, names of marks and scale of a picture. The scale is exact at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
-    names = [
-        name for name in kinds if any(np.array_equal(b.colour, palette.colour_bytes(name)) for b in stage.bodies[1:])
-    ]
+    colours = [body.colour for body in stage.bodies[1:]]
+    names = [name for name in kinds if any(np.array_equal(c, palette.colour_bytes(name)) for c in colours)]
     return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a flat figure of 1.75 m that stands at `foot` (3,) in metres and faces along `right` x `up` (3,)."""
+    """Return a flat figure of 1.75 m that stands at `foot` (3,) in metres and looks along `right` x `up` (3,)."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0
@@ -190,7 +176,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# body: half width and height (m) from top to bottom; limbs: middle, half width and height (m)
+# rows of the body have half width and height (m), from top to bottom; rows of limbs have middle, half width and height
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -205,15 +191,12 @@ _LEG = [
     (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
 ]  # fmt: skip
 
-
-GroundKind = Literal["paper", "white", "transparent"]
-"""Ground of a picture."""
+GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
 FINER = light.FINE.finer
-"""Side of a fine picture before its pixels are averaged, over the final side."""
-
+"""Side of a fine drawing over the side of its picture, whose pixels are means of the drawing's pixels."""
 
 EDGE_COSINE = np.float32(0.87)
-"""Largest cosine of the angle between two faces at which their edge is a visible line."""
+"""Largest cosine of the angle between two faces at which their common edge is drawn as a line."""
 
 
 def check_ground(ground: str) -> None:
@@ -230,7 +213,7 @@ def render_stage(
     quality: light.LightQuality = light.FINE,
     transparent: bool = False,
 ) -> "Image":
-    """Return the picture without words; `transparent` replaces the paper by the opacity of shadows."""
+    """Return the picture without words. On transparent ground, shadows are the only opaque part of the floor."""
     from PIL import Image
 
     finer = quality.finer
@@ -241,7 +224,7 @@ def render_stage(
     if stage.level is not None:
         level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
     brightness, share = light.pixel_and_floor_light(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
-    release_freed_memory(all_lamps.quality.bytes)  # bytes of the shadow maps
+    release_freed_memory(all_lamps.quality.bytes)  # the shadow maps are not needed any more
     canvas = (_clear_floor if transparent else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = edge_strengths(pixels, 2.5 * pixel)
@@ -253,12 +236,11 @@ def render_stage(
 
 
 def _light_share(share: Floats32, width: int, height: int) -> Bytes:
-    """Return the share of light on the ground, (height, width) 0..255, without shadows at the edge of the page."""
     from PIL import Image
 
     margin = 0.12 * share.shape[0]
     x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / margin for k in share.shape[::-1])
-    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # shadows must not end at the edge of the page
+    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)
     share = 1 - (1 - share) * (fade * fade * (3 - 2 * fade)).astype(np.float32)
     shades = Image.fromarray(np.round(np.clip(share, 0, 1) * 255).astype(np.uint8))
     return np.asarray(shades.resize((width, height), Image.Resampling.BICUBIC))
@@ -273,7 +255,6 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
 
 
 def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
-    """Return shadows alone, (height, width, 4), as opaque as paper would be dark."""
     canvas = np.zeros((height, width, 4), dtype=np.uint8)
     canvas[:, :, :3] = palette.shadow
     if share is not None:
@@ -307,7 +288,7 @@ def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
     Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
     """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
-    for start in range(0, len(strong), rows):  # strips of rows bound the memory
+    for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
         if not len(columns):
             continue
@@ -330,7 +311,7 @@ def _strip_edge_strengths(depth: Floats32, normal: Bytes, jump: float) -> Floats
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         head_depth, tail_depth = flat[head], flat[tail]
         step = np.abs(head_depth - tail_depth)
-        # depth also changes along a slanted face; at a jump, the pixels on both sides do not continue the change
+        # depth also changes along a slanted face, but there the neighbouring pixels change by the same step
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

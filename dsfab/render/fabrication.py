@@ -1,4 +1,4 @@
-"""The picture for the workshop: a solid with the places of its smallest member, gap, wall and edge."""
+"""The picture for the workshop: a solid that shows where its smallest member, gap, wall and edge are."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from dsfab.study.fabrication import Check, FabricationMeasures
 
 LIMIT_KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
-"""Marked features, and the preset's limits for them."""
+"""Names of the marked features, and the keys of their limits in the preset."""
 
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """A note at a place (3,) in metres: text in two lines, and the colour of place and text."""
+    """A note at a place (3,) in metres: two lines of text, and the colour of the ring around the place."""
 
     place: Floats
     lines: tuple[str, str]
@@ -44,8 +44,9 @@ def workshop_picture(
     ground: GroundKind = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """Return the solid of a design in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
-    Raises DsfabError if this machine cannot draw."""
+    """Return a design's solid in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
+    Raises DsfabError if this machine cannot draw.
+    """
     check_ground(ground)
     require_rendering()
     palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
@@ -56,25 +57,24 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # the text is above
+    stage = replace(stage, view=fit_view(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # notes are above
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = render_stage(scene, stage, palette, size, transparent=ground == "transparent")
     box = " x ".join(length(x) for x in measures.box)
-    image = with_legend(
-        image, legend(stage, f"{design.preset.name} - {box}{_bed_text(measures)}", palette, size), palette
-    )
+    words = f"{design.preset.name} - {box}{_bed_text(measures)}"
+    image = with_legend(image, legend(stage, words, palette, size), palette)
     return np.asarray(with_callouts(image, callouts(measures, palette), stage.view, palette))
 
 
 def write_workshop_picture(
     path: Path, design: "Design", measures: "FabricationMeasures", size: tuple[int, int]
 ) -> Path:
-    """Write `workshop_picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
+    """Write `workshop_picture` as a whole PNG file or not at all. Raises ExportError if the file is not writable."""
     return write_png(workshop_picture(design, measures, size=size), path)
 
 
 def callouts(measures: "FabricationMeasures", palette: Palette) -> list[Callout]:
-    """Return the measures with the preset's limits and verdicts; failed limits are red."""
+    """Return a note for each measure, with the preset's limit and the verdict; notes of failed limits are red."""
     features = measures.features
     measured: dict[str, tuple[float, Floats]] = {
         name: (feature.size, feature.place)
@@ -110,7 +110,7 @@ def _bed_text(measures: "FabricationMeasures") -> str:
 
 
 def with_callouts(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with callouts: short lines without crossings, and rings in front of everything."""
+    """Return the picture with rings around measured places, and with notes, whose lines to the rings do not cross."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist

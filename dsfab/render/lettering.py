@@ -1,4 +1,4 @@
-"""Palette and lettering of pictures: captions, legends, scale bars and the names of members."""
+"""Colours and lettering of pictures: captions, legends, scale bars and the names of members."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
@@ -13,15 +13,15 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-
 MarkName = Literal["load", "support", "reaction", "person", "tension", "compression", "gradient"]
 
 
 @dataclass(frozen=True)
 class Palette:
-    """Colours, red green blue in 0..255. families : colours of members by family (major, minor, kept). tints : the
-    families'
-    colours in pictures of families. ink : darkness of edge lines, 0..1.
+    """Colours of a picture: red, green and blue in 0..255.
+    families : colours of members by family (major, minor, kept).    tints : colours of families in the picture
+               `families`.
+    ink : darkness of edge lines, 0..1.
     """
 
     paper: Colour = (253, 252, 249)
@@ -45,13 +45,12 @@ class Palette:
         return np.array(getattr(self, name), dtype=np.uint8)
 
 
-PAPER = Palette()
-"""Terracotta on white paper; blue loads and slate supports differ without red and green."""
+PAPER = Palette()  # terracotta on white paper; colour-blind people can tell blue loads from slate supports
 
 
 @dataclass(frozen=True)
 class Legend:
-    """Caption, names of marks, pixels per metre for the scale bar, and swatches (name, colour) of further colours."""
+    """Caption, names of marks, pixels per metre for the scale bar, and swatches: names with further colours."""
 
     caption: str
     names: list[MarkName]
@@ -71,9 +70,7 @@ def length_label(length: float) -> str:
 
 
 def with_legend(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """Return the picture with words below the structure; larger : size of the letters over those of a build's
-    preview.
-    """
+    """Return the picture with caption, marks and scale bar. larger : size of letters over the default size."""
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -132,13 +129,8 @@ def _scale_bar(
     for x in (left_end, right_end - thick):
         draw.rectangle((x, base - tick, x + thick, base), fill=palette.text)
     font = ImageFont.load_default(size=0.9 * letter)
-    draw.text(
-        ((left_end + right_end) / 2, base - 0.55 * letter),
-        length_label(length),
-        fill=palette.text,
-        font=font,
-        anchor="ms",
-    )
+    above = (left_end + right_end) / 2, base - 0.55 * letter
+    draw.text(above, length_label(length), fill=palette.text, font=font, anchor="ms")
     return bar_pixels
 
 
@@ -148,14 +140,12 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
     x, base = place
     colour = tuple(int(value) for value in palette.colour_bytes(name))
     top, half = base - 0.85 * letter, 0.3 * letter
-    middle = x + half
+    middle, shaft = x + half, max(letter / 20, 0.75)
     if name == "reaction":
-        shaft = max(letter / 20, 0.75)
-        draw.rectangle((middle - shaft, top + 0.45 * letter, middle + shaft, base), fill=colour)
         low = top + 0.45 * letter
+        draw.rectangle((middle - shaft, low, middle + shaft, base), fill=colour)
         tip = [(middle - 0.6 * half, low), (middle + 0.6 * half, low), (middle, top)]
     elif name == "load":
-        shaft = max(letter / 20, 0.75)
         draw.rectangle((middle - shaft, top, middle + shaft, base - 0.4 * letter), fill=colour)
         tip = [(middle - 0.6 * half, base - 0.45 * letter), (middle + 0.6 * half, base - 0.45 * letter), (middle, base)]
     else:
@@ -167,17 +157,15 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
     return start + draw.textlength(name, font=font)
 
 
-GRID_PIXELS = 4
-"""Cell size (pixels) of the grid of occupied places."""
-NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)
-"""Distances of a name beside its member, in letter heights."""
+GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied places
+NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # distances from a member at which its name is tried, in letter heights
 NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-"""Directions of a name beside its member (radians)."""
+"""Directions from a member in which its name is tried (radians)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name with its colour and possible places (k, 2), best first (pixels), with whether each is visible (k,)."""
+    """Name in a colour. places : (k, 2) possible places, best first (pixels). visible : (k,) mask of the places."""
 
     text: str
     colour: Colour
@@ -187,7 +175,7 @@ class Nameplate:
 
 @dataclass(frozen=True, eq=False)
 class PlacedName:
-    """Name with the middle (2,) of its letters, and its place (2,) on the member (pixels)."""
+    """Name with the middle (2,) of its letters and the place (2,) on its member that it belongs to (pixels)."""
 
     plate: Nameplate
     middle: Floats
@@ -195,22 +183,20 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Place names on a picture, with a letter height (pixels): on their members if possible, else beside them with
-    a line.
-    """
+    """Place names of a letter height (pixels): on their members if possible, else beside them, with a line."""
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):
         half = np.array([0.31 * letter * len(plate.text) + 2, 0.5 * letter + 1])
         candidates = plate.places[plate.visible] if plate.visible.any() else plate.places
         anchor, middle = _free_place(taken, candidates, half, letter)
-        _occupy(taken, middle, half)
+        if (window := _grid_window(taken, middle, half)) is not None:
+            taken[window] = True
         names.append(PlacedName(plate, middle, anchor))
     return names
 
 
 def _free_place(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
-    """Return the place (2,) on the member and the free middle (2,) of a name with half sizes (2,)."""
     for place in places:
         if not _is_taken(taken, place, half):
             return place, place
@@ -236,13 +222,8 @@ def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
     return window is None or bool(taken[window].any())
 
 
-def _occupy(taken: Bools, middle: Floats, half: Floats) -> None:
-    if (window := _grid_window(taken, middle, half)) is not None:
-        taken[window] = True
-
-
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """Return the picture with names in letters of a height (pixels), on a rim in the colour of paper."""
+    """Return the picture with names in letters of a height (pixels), outlined in the colour of the paper."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

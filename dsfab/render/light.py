@@ -1,5 +1,6 @@
-"""Light of pictures: a sun with a soft edge, an overcast sky and a faint floor, as many small lamps with shadow maps.
-A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows."""
+"""Light of pictures: many small lamps with shadow maps make a sun with a soft edge, an overcast sky and a faint floor.
+A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -12,18 +13,15 @@ from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
 GRAIN = 1.2
-"""Radius (map pixels) of the random offsets at which a map is read, so that the steps of the map become a fine grain.
-"""
+"""Radius (map pixels) of random offsets at which a map is read; they turn the steps of the map into a fine grain."""
 SURFACE_LIFT = 2.5
-"""Height of lit points above their surface, over the side of a map pixel (radii). The lift avoids shadows of map steps.
-"""
-LARGEST_DEPTH = np.float32(0.9999)
-"""Largest depth that counts as a body; empty pixels have depth 1."""
+"""Height of lit points above their surface, over the side of a map pixel; without it, map steps would cast shadows."""
+LARGEST_DEPTH = np.float32(0.9999)  # largest depth that counts as a body; a map pixel without a body has depth 1
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
 def frame_towards(towards: Floats) -> Floats:
-    """Return two unit vectors across and the unit vector `towards` (3,), as rows."""
+    """Return three unit vectors as rows: two vectors square to the direction `towards` (3,), then this direction."""
     across = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(towards, across), towards])
@@ -31,9 +29,9 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """Maps of several lamps, evaluated together because single products of vectors are slow.
+    """Shadow maps of b lamps. One matrix product serves all of them, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
-    placing : (3 b, 6) from a point, its grain and 1 to map columns, map rows, and depths that must be free.
+    placing : (3 b, 6) matrix from (point, grain, 1) to map columns, map rows and depths of the point.
     towards : (b, 3) unit vectors times the strengths of the lamps.
     """
 
@@ -43,7 +41,7 @@ class ShadowMaps:
 
     @classmethod
     def render(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
-        """Draw the maps of lamps in directions (b, 3) with strengths (b,), inside `scene.lamps()`."""
+        """Draw the maps of lamps in directions (b, 3) with strengths (b,); call it inside `scene.lamps()`."""
         frames = np.stack([frame_towards(direction) for direction in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
         for into, frame in zip(maps, frames, strict=True):
@@ -58,7 +56,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points with normals (3, k), in radii; grain : (2, k or more)."""
+        """Return the light (k,) on points (3, k) in radii with normals (3, k); grain : (2, k or more) in map pixels."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -84,22 +82,18 @@ class ShadowMaps:
         return np.asarray(light.sum(axis=0))
 
 
-LIGHT_SHARES = (0.60, 0.44, 0.14)
-"""Light of the sun, the sky and the floor on a surface that faces the light."""
-AMBIENT = 0.10
-"""Light at every point."""
-CHUNK = 1 << 15
-"""Number of points coloured together, so that they fit the cache."""
-TILE = 1 << 10
-"""Number of points lit together by twenty lamps, so that they fit the cache."""
+LIGHT_SHARES = (0.60, 0.44, 0.14)  # light of the sun, the sky and the floor on a surface that is square to the light
+AMBIENT = 0.10  # light at every point
+CHUNK = 1 << 15  # number of points coloured together; their arrays fit the processor's cache
+TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fit the processor's cache
 
 
 @dataclass(frozen=True)
 class LightQuality:
     """Number of lamps in the sun, in the sky and below, and side of their maps (pixels).
-    sharp : side of the sun's maps, whose shadows are sharper; coarse : side of all other maps.
+    sharp : side of the sun's maps, whose shadows are sharper.    coarse : side of all other maps.
     blur  : blur of the floor's shadows over the picture's height: first by the sun, second by all other lamps.
-    finer : size of the drawing over that of the picture, for smooth edges.
+    finer : side of the drawing over the side of the picture, for smooth edges.
     """
 
     sun: int = 10
@@ -116,7 +110,7 @@ class LightQuality:
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """Return the quality for a picture with a number of rows; maps need not be finer than the picture."""
+        """Return the quality for a picture with `height` rows; maps need not be finer than the picture."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
@@ -129,7 +123,7 @@ ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """Lamps in directions (k, 3), the sun first, with strengths (k,) on a surface that faces the lamp."""
+    """Lamps in directions (k, 3), the sun first. strength : (k,) light on a surface square to the lamp's direction."""
 
     towards: Floats
     strength: Floats
@@ -142,9 +136,7 @@ class Lamps:
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """Return the lamps of a view: the sun behind the viewer's left shoulder, the sky over a floor with a normal
-    (3,).
-    """
+    """Return the lamps of a view: a sun behind the viewer's left shoulder, a sky, and a floor with a normal (3,)."""
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -166,7 +158,7 @@ def _unit(vector: Floats) -> Floats:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """Return unit vectors (count, 3) spread evenly over a cap around the third axis (golden spiral)."""
+    """Return unit vectors (count, 3), evenly spread over a cap of the sphere around the third axis (golden spiral)."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -175,10 +167,9 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
-    """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
-    paired : number of first points that form neighbouring pairs. Both points of a pair lie within a pixel of the
-             averaged
-    picture. So each point evaluates the sun and half of the remaining lamps, for both points.
+    """Return the light (2, k) of the sun and of all other lamps on points (3, k) in radii with normals (3, k).
+    paired : number of first points that form neighbouring pairs, within a pixel of the final picture. Half of the sky
+             lamps light the first point of a pair, and the other half light the second, with double strength.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
@@ -220,7 +211,8 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the drawn pixels, and the share (h, w) of its unshaded light on the floor, coarsely.
+    """Return the light (k,) on the k drawn pixels, and the floor's light over its unshaded light (h, w) in coarse
+    pixels.
     The floor is the plane at `level` along `floor`, in scene units; None without a level.
     """
     height, width = pixels.depth.shape
@@ -228,7 +220,7 @@ def pixel_and_floor_light(
     if level is None:
         points, N = _points(scene, view, pixels, hit)
         return _in_row_order(lamp_light(scene, all_lamps, points, N, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // 6, width // 6)  # suffices, because shadows on the floor are soft
+    coarse = (height // 6, width // 6)  # enough pixels, because shadows on the floor are soft
     spots, floor_pixels = _floor_points(scene, view, floor, level, coarse)
     points, N = _points(scene, view, pixels, hit, spare=spots.shape[1])
     count = points.shape[1] - spots.shape[1]
@@ -240,7 +232,8 @@ def pixel_and_floor_light(
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
     """Return points (3, k + spare) of the k drawn pixels in scene units, and normals towards the eye.
-    Columns in strips of rows keep neighbours together, which saves two thirds of the time."""
+    Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time.
+    """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))
@@ -290,15 +283,15 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # radii
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # in radii; farther points are lit
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the share (h, w) of light on the floor; blur replaces more lamps for the sky's shadows."""
-    from scipy.ndimage import gaussian_filter  # slow to import
+    """Return the share (h, w) of light on the floor. Blurred shadows of few lamps look like shadows of many."""
+    from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)
     share = np.ones(floor_pixels.shape, dtype=np.float32)

@@ -1,4 +1,4 @@
-"""Marks beside a structure: load arrows, support cones, principal directions, a person for scale."""
+"""Marks beside a structure: load arrows, support cones, principal directions, and a tree for scale."""
 
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,16 +15,12 @@ from dsfab.surface import LoadCase, Surface, centroid
 if TYPE_CHECKING:
     from dsfab.design.design import Design
 
-
-MarkMesh = tuple[Floats, Ints]
-"""Vertices V (n, 3), and faces F (m, 3)."""
+MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits on the number of marks: their least distance `apart`, over the structure's size, and their number
-    `most`.
-    """
+    """Limits on marks: their least distance `apart`, over the structure's size, and their largest number `most`."""
 
     apart: float
     most: int
@@ -35,15 +31,14 @@ POINT_LOAD_SPACING = Spacing(0.07, 16)
 SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
-CONE_HEIGHT = 0.026
-"""Height of a support cone over the structure's size."""
+CONE_HEIGHT = 0.026  # height of a support cone over the structure's size
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 """Length of the longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
 
 def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
-    """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
-    The farthest points come first (Gonzalez 1985) and move to the middle of their patches (Lloyd 1982).
+    """Return indices of a few of the points (k, 3), evenly spaced, each in the middle of its neighbourhood.
+    The search takes the farthest points first (Gonzalez 1985), then moves each to the middle of its patch (Lloyd 1982).
     """
     chosen_list = [0]
     distances = np.linalg.norm(points - points[0], axis=1)
@@ -63,7 +58,7 @@ def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class ForceArrows:
-    """Arrows at vertices (k,) for forces `pull` (k, 3) in newtons; `long` (k,) is their length in metres."""
+    """Arrows at vertices with numbers `at` (k,): forces `pull` (k, 3) in newtons, and lengths `long` (k,) in metres."""
 
     at: Ints
     pull: Floats
@@ -72,21 +67,20 @@ class ForceArrows:
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> MarkMesh:
     """Return a few slim arrows for the loads: each shows the force on the vertices nearest to it.
-    size : size of the structure (m).   lift : half its thickness (m): arrows start or end on the solid's skin.
-    eye  : (3,) unit vector towards the eye: arrows along the surface lie on its visible side.
-    up   : (3,) unit vector: the outer side of an open sheet is its upper side, for both face directions.
+    size : size of the structure (m).   lift : half its thickness (m), so that arrows touch the skin of the solid.
+    eye  : (3,) unit vector towards the eye: arrows along the surface are on its visible side.
+    up   : (3,) unit vector: arrows on an open sheet are on its upper side, whatever the direction of its faces.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
-    points = _gathered_forces(surface.V, load.force, acts & load.loaded, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
-    spread = _gathered_forces(
-        surface.V, load.force, acts & ~load.loaded, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size
-    )
+    V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
+    points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
+    spread = _gathered_forces(V, load.force, elsewhere, SPREAD_LOAD_SPACING, LONGEST_SPREAD * size, size)
     vertices = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
     normal = surface.vertex_normals[vertices] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
-    # an arrow touches the surface with its tip (pressure) or its tail (suction); arrows along the surface lie above
+    # the tip of a pressure arrow or the tail of a suction arrow touches the surface; other arrows are above it
     level = np.abs(out) < 0.3
     away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
     away[out > 0.3] *= -1
@@ -96,7 +90,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
 
 
 def _outer(surface: Surface, up: Floats) -> float:
-    """Return 1; or -1 if the faces of an open sheet look down on average, because loads press on a roof from above."""
+    """Return -1 if the faces of an open sheet look down on average, else 1: loads press on a roof from above."""
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
@@ -111,7 +105,7 @@ def _gathered_forces(
     owner = _nearest(points, points[taken])
     pull = group_sums(owner, force[vertices], len(taken))
     amount = np.linalg.norm(pull, axis=1)
-    is_drawn = amount > 1e-6 * amount.max()  # forces that cancel within a patch have no arrow
+    is_drawn = amount > 1e-6 * amount.max()  # forces in a patch may cancel each other
     long = longest * (0.35 + 0.65 * np.sqrt(amount[is_drawn] / amount.max()))
     return ForceArrows(vertices[taken][is_drawn], pull[is_drawn], long)
 
@@ -129,7 +123,7 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
 
 
 def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> MarkMesh:
-    """Return arrows for the forces (n, 3) of supports (N). They touch the cones of the supports, one at each cone."""
+    """Return arrows for the forces (n, 3) of supports (N); each arrow touches the cone of its support."""
     acts = load.supported & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -137,13 +131,13 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
     along = arrows.pull / np.linalg.norm(arrows.pull, axis=1, keepdims=True)
     inwards = surface.V.mean(axis=0) - surface.V[arrows.at]
     pushes = np.einsum("ki,ki->k", along, inwards) > 0
-    gap = 1.15 * CONE_HEIGHT * size  # the arrow begins beyond the support's cone
+    gap = 1.15 * CONE_HEIGHT * size  # the arrow begins outside the support's cone
     start = np.where(pushes[:, None], -along * (gap + arrows.long)[:, None], along * gap)
     return _placed_copies(_arrow(), surface.V[arrows.at] + start, along, arrows.long)
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> MarkMesh:
-    """Return slim arrows along a gradient (m, 3), longer where it is steeper; lift, eye : as for `load_arrows`."""
+    """Return slim arrows along a gradient (m, 3), long for steep gradients. lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -157,13 +151,10 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """Return the unit vector (3,) along an axis from the structure to its supports; down if supports are on all
-    sides.
-    """
+    """Return the unit vector (3,) along an axis from the structure to its supports; down for supports on all sides."""
     offsets = surface.V[load.supported] - centroid(surface)
-    offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(
-        axis=0
-    )  # thin_points makes the mean independent of the mesh density
+    # evenly spaced points make the mean independent of the mesh density
+    offset = offsets[thin_points(offsets, size, SUPPORT_SPACING)].mean(axis=0)
     axis = int(np.argmax(np.abs(offset)))
     side = np.sign(offset[axis])
     if np.linalg.norm(offset) < 0.08 * size or (side * offsets[:, axis]).min() < 0:
@@ -197,13 +188,6 @@ def _cone() -> MarkMesh:
     return _body_of_revolution([(0.0, 0.0), (0.0, 0.45), (1.0, 0.0)])
 
 
-def _ball() -> MarkMesh:
-    around = np.linspace(0, np.pi, 9)
-    return _body_of_revolution(
-        [((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)]
-    )
-
-
 _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
     (0.03, 0.04, 0.64, 0.36))  # fmt: skip
 """Balls of foliage of a tree of height 1: lowest point of each ball (right, back, height), and its diameter."""
@@ -215,18 +199,16 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     right /= np.linalg.norm(right)
     balls = np.array(_CROWN)
     frame = height * np.stack([right, np.cross(up, right), up])
-    trunk = _placed_copies(
-        _body_of_revolution([(0.0, 0.0), (0.0, 0.05), (0.8, 0.03), (1.0, 0.0)]),
-        foot[None],
-        up[None],
-        np.array([0.6 * height]),
-    )
-    crown = _placed_copies(_ball(), foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
+    cone = _body_of_revolution([(0.0, 0.0), (0.0, 0.05), (0.8, 0.03), (1.0, 0.0)])
+    trunk = _placed_copies(cone, foot[None], up[None], np.array([0.6 * height]))
+    around = enumerate(np.linspace(0, np.pi, 9))
+    ball = _body_of_revolution([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in around])
+    crown = _placed_copies(ball, foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
     return np.concatenate([trunk[0], crown[0]]), np.concatenate([trunk[1], crown[1] + len(trunk[0])])
 
 
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:
-    """Return copies of a template of length 1 along x, from `start` (k, 3) along unit vectors, `long` (k,) metres."""
+    """Return copies of a template of length 1 along x: they begin at `start` (k, 3) and are `long` (k,) metres long."""
     vertices, faces = template
     second = np.cross(along, np.eye(3)[np.argmin(np.abs(along), axis=1)])
     second /= np.linalg.norm(second, axis=1, keepdims=True)
@@ -236,15 +218,15 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
     return copies.reshape(-1, 3), shifted.reshape(-1, 3)
 
 
-CROSS_SPACING = Spacing(0.034, 500)
-"""Limits on the number of crosses, because many crosses take long to draw."""
+CROSS_SPACING = Spacing(0.034, 500)  # limits on the number of crosses, because many crosses take long to draw
 BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
-"""Length and width of a bar over the distance of neighbouring crosses."""
+"""Length and width of a bar of a cross, over the distance between neighbouring crosses."""
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
-    """Return bars along the two directions of diffusion at evenly spaced places, except in isotropic faces.
-    Blue and red are compression and tension. For combined cases, whose stress has no sign, red is the first direction.
+    """Return crosses of two bars along the two directions of diffusion at evenly spaced places, except in isotropic
+    faces.
+    Blue is compression and red is tension. Stress of combined cases has no sign: there, red is the first direction.
     Raises DsfabError if no face has a direction: at r = 1, or without a stress.
     """
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
@@ -252,9 +234,9 @@ def crosses(design: "Design", palette: Palette) -> Body:
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
         raise DsfabError(f"there are no directions to show: {why}, so that diffusion prefers none")
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
-    apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance of evenly spread places
+    apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvalue r; across it the eigenvalues are 1 and 0
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # belongs to the eigenvalue r; the rest are 1 and 0
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)

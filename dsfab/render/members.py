@@ -1,4 +1,4 @@
-"""Pictures of the members of a design: coloured by family, named, and placed on a page."""
+"""Pictures of the members of a design, coloured by family and with names."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,13 +22,12 @@ if TYPE_CHECKING:
 
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
-    """Return names, lengths, widths (m), largest curvatures (1/m) and places of all members, ready for JSON. `members`
-    have `places` [x, y, z, ...] (m) from the middle of the structure's box, as on the page. `reach` is their extent
-    around these places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
-
+    """Return a report on all members, ready for JSON. `members` have a name, a length and a width (m), the largest
+    curvature
+    (1/m) and `places` [x, y, z, ...] (m) from the middle of the structure's box. `reach` is their extent around these
+    places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
     judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
-             missing,
-    nothing carries the loads, or the pattern leaves no material.
+             missing, nothing carries the loads, or the pattern leaves no material.
     """
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -67,7 +66,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return the number (n,) of the member whose places are nearest to each vertex, relative to their extent."""
+    """Return the number (n,) of the member nearest to each vertex, by distances relative to the member's extent."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -85,7 +84,7 @@ def members_picture(
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes. Names of hidden members
-    are pale; a view from the opposite side shows them. Raises DsfabError if this machine cannot draw.
+    are pale; a view from the opposite side shows these members. Raises DsfabError if this machine cannot draw.
     """
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
@@ -98,8 +97,9 @@ def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
     """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
-    band : (m,) band of each cell of the members' sheet, 0 to `count` - 1 (see `band_colours`); -1 for none.
-    Raises DsfabError if this machine cannot draw."""
+    band : (m,) number of each cell's band, 0 to `count` - 1 (see `band_colours`), or -1 without a band.
+    Raises DsfabError if this machine cannot draw.
+    """
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
     return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())
@@ -182,7 +182,7 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) on a member: between nodes first, then from the middle outwards."""
+    """Return places (k, 3) for a member's name, best first: far from nodes, then near the member's middle."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

@@ -1,4 +1,4 @@
-"""Test whether this machine can draw off screen, in a process of its own because VTK may crash."""
+"""Test whether this machine can draw off screen. The test runs in a process of its own, because VTK may crash."""
 
 import os
 import subprocess
@@ -8,10 +8,8 @@ from functools import cache
 
 from dsfab.core.errors import DsfabError
 
-WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
-"""Environment variable by which VTK chooses its kind of window."""
-SECONDS = 120
-"""Time limit of the test, which takes half a second on an idle machine."""
+WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"  # environment variable by which VTK chooses its kind of window
+SECONDS = 120  # time limit of the test, which takes half a second on an idle machine
 
 # VTK opens its libraries at the first frame, not at the import. So the test draws and reads a red frame.
 PROBE = """
@@ -28,17 +26,13 @@ window.GetPixelData(0, 0, 7, 7, 1, pixels, 0)
 raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 """
 
+_KNOWN: set[str] = set()  # kinds of window that need no test
 
-_KNOWN: set[str] = set()
-"""Kinds of window that need no test."""
-
-
-_PROBES: list[threading.Thread] = []
-"""Thread of a test that has begun."""
+_PROBES: list[threading.Thread] = []  # thread of a test that has begun
 
 
 def probe_ahead() -> None:
-    """Begin the test while this process loads modules; `require_rendering` waits for it."""
+    """Begin the test while this process loads modules; `require_rendering` waits for the result."""
     name = _candidates(_window_choice())[0]
     if not _PROBES and name not in _KNOWN:
         _PROBES.append(threading.Thread(target=lambda: _draws(name), daemon=True))
@@ -46,7 +40,7 @@ def probe_ahead() -> None:
 
 
 def assume_window(window: str | None = None) -> str:
-    """Use a kind of window without a test, by default the first candidate, and return it."""
+    """Use a kind of window without a test, by default the first candidate, and return its name."""
     name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
@@ -57,9 +51,9 @@ def assume_window(window: str | None = None) -> str:
 
 
 def require_rendering() -> None:
-    """Ensure that this machine can draw, choosing VTK's window for a machine without a screen.
-    Sets VTK_DEFAULT_OPENGL_WINDOW if it is not set and a choice is necessary. The result holds for this process.
-    Raises DsfabError with the packages to install if this machine cannot draw."""
+    """Raise DsfabError with the packages to install if this machine cannot draw; else choose VTK's kind of window.
+    The choice is VTK_DEFAULT_OPENGL_WINDOW, which is set if necessary. The result holds for this process.
+    """
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()
@@ -73,7 +67,7 @@ def require_rendering() -> None:
 def _window_choice() -> str:
     chosen = os.environ.get(WINDOW, "")
     if not chosen:
-        os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
+        os.environ.pop(WINDOW, None)  # VTK crashes if the variable is empty
     return chosen
 
 
@@ -87,7 +81,7 @@ def why_no_pictures() -> str:
 
 
 def _candidates(chosen: str) -> tuple[str, ...]:
-    """Return kinds of window to try, best first; "" is VTK's choice: Cocoa, Win32, or X11 with a screen."""
+    """Return kinds of window to try, best first; "" lets VTK choose: Cocoa, Win32, or X11 with a screen."""
     if chosen:
         return (chosen,)
     if not sys.platform.startswith("linux"):
@@ -116,7 +110,7 @@ _ADVICE = {
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""Advice for each system, by its name in `sys.platform`; the message begins with the advice for this machine."""
+"""Advice for each system by its name in `sys.platform`; the message begins with the advice for the user's system."""
 
 
 def _advice_text(chosen: str) -> str:

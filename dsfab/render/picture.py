@@ -18,7 +18,8 @@ from dsfab.surface import LoadCase, Surface
 
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
-    """Write a picture, whole or not at all, and return its path. Raises ExportError if the file is not writable.
+    """Write a picture as a whole file or not at all, and return its path. Raises ExportError if the file is not
+    writable.
     effort : compression effort, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time.
     """
     from PIL import Image
@@ -41,9 +42,9 @@ def png_bytes(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives the direction.
-    letters :
-    size over that of a build's preview.
+    """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it from the
+    structure.
+    letters : letter size over the default size.
     """
 
     size: tuple[int, int] = (1600, 1200)
@@ -52,8 +53,7 @@ class Look:
     letters: float = 1.0
 
 
-DEFAULT_LOOK = Look()
-"""White paper, at the size of a build's preview."""
+DEFAULT_LOOK = Look()  # white paper, and the default size of a picture
 
 
 def picture(
@@ -67,12 +67,11 @@ def picture(
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
     """Return a picture of a solid or a sheet, whole on the page, from a side that suits its shape.
-
     V, F    : (n, 3) metres and (m, 3), outward oriented.
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
-    family  : (m,) index into `look.palette.families` for each face, -1 for the members' colour.
+    family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
     caption : line below the picture.
-    Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, and if this machine
+    Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, or if this machine
     cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
@@ -97,10 +96,8 @@ def render_picture(
     member = _member_colours(faces, family, palette)
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
     side = best_side(vertices, axis / np.linalg.norm(axis))
-    half = _half_thickness(vertices, faces)
-    stage = set_stage(
-        Body(vertices, faces, member, casts=True), side, axis, half, Annotations(surface, load), palette, size
-    )
+    half, body = _half_thickness(vertices, faces), Body(vertices, faces, member, casts=True)
+    stage = set_stage(body, side, axis, half, Annotations(surface, load), palette, size)
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = render_stage(scene, stage, palette, size)
     return np.asarray(with_legend(image, legend(stage, caption, palette, size), palette, look.letters))
@@ -126,9 +123,7 @@ class StructurePicture:
     clear: bool
 
     def render(self) -> Bytes:
-        """Return (height, width, 3 or 4) bytes without a test of this machine: if VTK cannot draw, it ends the
-        process.
-        """
+        """Return (height, width, 3 or 4) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
@@ -140,7 +135,7 @@ class StructurePicture:
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 is the last row
+    table = np.array([*palette.families, palette.members], dtype=np.uint8)  # family -1 takes the last row
     index = np.full(len(F), -1) if family is None else np.asarray(family)
     if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
         raise ValueError(f"expected {len(F)} families between -1 and {len(palette.families) - 1}")

@@ -2,8 +2,8 @@
 
     python -P picture_program.py
 
-It loads the drawing modules, then reads a line of JSON from its input: a `pickle` file of the arguments of
-`dsfab.render.picture.picture` as a dictionary, and the PNG file. It prints the name of the PNG file.
+The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The first holds the
+arguments of `dsfab.render.picture.picture` as a dictionary. The program prints the name of the PNG file.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Draw the request of standard input."""
+    """Draw the picture that standard input requests."""
     sys.path.append(str(Path(__file__).parents[2]))  # finds dsfab if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 

@@ -15,29 +15,7 @@ from dsfab.design import Progress, draft
 from dsfab.design.design import Design
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
-from dsfab.render import light
-from dsfab.render.colouring import (
-    DEFORMED,
-    MODE_FIELDS,
-    STATICS_RESULTS,
-    WHOLE_SHEET,
-    ColourBar,
-    check_show,
-    face_colouring,
-    mode_gradient,
-    with_bar,
-)
-from dsfab.render.drawing import (
-    EVERY_LAYER,
-    LAYERS,
-    Annotations,
-    GroundKind,
-    check_ground,
-    legend,
-    page_view,
-    render_stage,
-    set_stage,
-)
+from dsfab.render import colouring, drawing, light
 from dsfab.render.lettering import PAPER, Palette, with_legend
 from dsfab.render.light import FINE, LightQuality
 from dsfab.render.marks import crosses
@@ -48,20 +26,15 @@ from dsfab.render.shader import ALL_MATERIAL, NO_MATERIAL, StripeShader
 from dsfab.render.striped_mesh import StripedMesh, distances, needs_only_settings, shader_settings, vertex_fields
 from dsfab.render.view import View, named_side, up_axis
 
-DEFAULT_SIZE = (1600, 1200)
-"""Default size of a picture (pixels)."""
+DEFAULT_SIZE = (1600, 1200)  # default size of a picture (pixels)
 
-
-TINTED_FAMILIES = ("major", "minor", "kept")
-"""Names of the families that have tints."""
-TRIAL_SIZE = (96, 72)
-"""Size of the pictures that test the shader (pixels)."""
+TINTED_FAMILIES = ("major", "minor", "kept")  # names of the families that have tints
+TRIAL_SIZE = (96, 72)  # size of the pictures that test the shader (pixels)
 
 
 class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
-
-    design  : a Design, or a draft (see `dsfab.design.draft`): it needs no cut sheet and no solid.
+    design  : a Design, or a draft (see `dsfab.design.draft`); neither needs a cut sheet or a solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
     show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
               and kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
@@ -70,9 +43,9 @@ class Previewer:
     marks   : whether loads, supports and a person for scale are visible; or names from `EVERY_LAYER`.
     ground  : paper, white or transparent, which adds a fourth channel with the shadows.
 
-    Pictures show the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
-    pieces without a support; the solid's thickness is not visible.
-    Create, use and close it in one thread. Raises DsfabError if this machine cannot draw correctly.
+    Pictures show the uncut pattern. The real structure differs: slicing moves edges a little (see `snap`), joins point
+    contacts and may drop pieces without a support. The solid's thickness is not visible.
+    Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly.
     """
 
     def __init__(
@@ -82,11 +55,11 @@ class Previewer:
         view: str = "iso",
         show: str = "structure",
         marks: bool | Collection[str] = True,
-        ground: GroundKind = "paper",
+        ground: drawing.GroundKind = "paper",
         palette: Palette = PAPER,
     ) -> None:
-        check_show(show)
-        check_ground(ground)
+        colouring.check_show(show)
+        drawing.check_ground(ground)
         surface, load = design.surface, design.load
         up = up_axis(surface.V, surface, load)
         self._side = named_side(surface.V, up, view)
@@ -100,25 +73,25 @@ class Previewer:
         tints = self._tints = palette.tints if show == "families" else None
         palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
         self._clear = ground == "transparent"
-        colouring = face_colouring(design, show, palette)
-        self._bar, self._words = colouring.bar, colouring.words
-        self._V, self._face = colouring.V, colouring.face
+        faces = colouring.face_colouring(design, show, palette)
+        self._bar, self._words = faces.bar, faces.words
+        self._V, self._face = faces.V, faces.face
         self._mesh = StripedMesh.from_design(design)
         body = self._body()
-        shape = surface if colouring.V is None else replace(surface, V=colouring.V)
+        shape = surface if faces.V is None else replace(surface, V=faces.V)
         half = design.preset.statics.thickness / 2
         layers = layer_names(marks, view)
         reaction = design.statics.equilibrium.reaction
-        self._arrows = show in MODE_FIELDS and "gradients" in layers
-        gradient = mode_gradient(design, show) if self._arrows else None
+        self._arrows = show in colouring.MODE_FIELDS and "gradients" in layers
+        gradient = colouring.mode_gradient(design, show) if self._arrows else None
         blue = show in ("stress", "directions")  # blue means compression in these pictures
         mark_palette = replace(palette, load=palette.text) if blue else palette
         self._palette = mark_palette
         present = ("kept", *design.preset.pattern.family_names)
         pairs = zip(TINTED_FAMILIES, tints, strict=True) if tints else ()
         self._swatches = tuple((name, tint) for name, tint in pairs if name in present)
-        annotations = Annotations(shape, load, reaction, gradient, layers)
-        self._stage = set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
+        annotations = drawing.Annotations(shape, load, reaction, gradient, layers)
+        self._stage = drawing.set_stage(body, self._side, up, half, annotations, mark_palette, DEFAULT_SIZE)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
         if self._side.towards @ up < 0:  # views from below have no ground
@@ -148,12 +121,12 @@ class Previewer:
 
     @property
     def words(self) -> str:
-        """Description of the picture, "" without one."""
+        """Description of the picture; "" without a description."""
         return self._words
 
     @property
-    def bar(self) -> ColourBar | None:
-        """Colour bar of the picture, None without one."""
+    def bar(self) -> colouring.ColourBar | None:
+        """Colour bar of the picture; None without a colour bar."""
         return self._bar
 
     def set(self, changes: Mapping[str, Any]) -> None:
@@ -161,38 +134,39 @@ class Previewer:
         self.display(with_overrides(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
-        """Return whether `display` can draw a preset: it needs the geometry and the loads of the current preset."""
+        """Return whether `display` can draw a preset: its geometry and loads must be those of the current preset."""
         old, shown = self._preset, self._show
         same_shape = preset.first_difference(old) != "surface" and (
-            (shown not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
+            (shown not in (*colouring.DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
         )
         if self._arrows and getattr(preset.pattern, shown[:5]).mode != getattr(old.pattern, shown[:5]).mode:
             return False
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface from now on. Frequencies, phases and thresholds of plain stripes and
-        reaches around supports are a few numbers. Other keys of [pattern] send values per vertex to the graphics side;
-        r and gamma need new modes. Raises DsfabError for a different [surface] and for an invalid preset; in this case
-        the old preset stays.
+        """Draw a preset of the same surface from now on. Frequencies, phases and thresholds of plain stripes, and
+        reaches around
+        supports, are a few numbers for the shader. Other keys of [pattern] send values per vertex to the graphics side.
+        New values of r and gamma need new modes. Raises DsfabError for a different [surface] or an invalid preset; the
+        old
+        preset then stays.
         """
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
-                "another [surface], or a region elsewhere, has another geometry and other loads: make a new Previewer "
-                "for it"
+                "a changed [surface] or region has a new geometry and new loads: make a new Previewer for the preset"
             )
         if not self.can_display(preset):
             if self._arrows:
-                raise DsfabError("another mode has other gradients: make a new Previewer for it")
-            why = "has other directions" if self._show == "directions" else f"has another shape of {self._show}"
-            raise DsfabError(f"another [statics] {why}: make a new Previewer for it")
+                raise DsfabError("another mode has other gradients: make a new Previewer for the preset")
+            why = "other directions" if self._show == "directions" else f"another shape of {self._show}"
+            raise DsfabError(f"a changed [statics] has {why}: make a new Previewer for the preset")
         if not needs_only_settings(self._made.preset, preset):
             design = draft(preset, earlier=self._made)
             mesh = StripedMesh.from_design(design)
-            stressed = self._show in ("stress", *STATICS_RESULTS) and design.statics is not self._made.statics
-            if stressed or self._show in MODE_FIELDS:
-                colouring = face_colouring(design, self._show, self._palette)
-                self._face, self._bar, self._words = colouring.face, colouring.bar, colouring.words
+            stressed = self._show in ("stress", *colouring.STATICS_RESULTS) and design.statics is not self._made.statics
+            if stressed or self._show in colouring.MODE_FIELDS:
+                faces = colouring.face_colouring(design, self._show, self._palette)
+                self._face, self._bar, self._words = faces.face, faces.bar, faces.words
                 self._shader.recolour(self._mesh.on_faces(self._face))
             now, old_pattern = design.preset.pattern, self._made.preset.pattern
             if now.region != old_pattern.region or (now.region and now.keep != old_pattern.keep):
@@ -215,26 +189,28 @@ class Previewer:
         quality: light.LightQuality = light.FINE,
         words: bool = True,
     ) -> Bytes:
-        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground. size:
-        (width, height) in pixels; words: caption and legend. Raises PatternError if the pattern leaves no material."""
+        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
+        size : (width, height) in pixels. words : whether to draw caption and legend. Raises PatternError if the pattern
+        leaves no material.
+        """
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         stage = replace(self._stage, view=self._view(size, words))
-        image = render_stage(self._scene, stage, self._palette, size, quality, self._clear)
-        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
-        alone = len(stage.bodies) == 1  # without marks, the picture itself shows whether material is left
+        image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
+        release_freed_memory(
+            16.0 * size[0] * size[1] * quality.finer**2
+        )  # intermediate pictures are not needed any more
+        alone = len(stage.bodies) == 1  # without marks, an empty picture means that no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
             line = self._caption() if caption is None else caption
-            image = with_legend(image, legend(stage, line, self._palette, size, self._swatches), self._palette)
-            image = with_bar(image, self._bar, self._palette) if self._bar else image
+            image = with_legend(image, drawing.legend(stage, line, self._palette, size, self._swatches), self._palette)
+            image = colouring.with_bar(image, self._bar, self._palette) if self._bar else image
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = DEFAULT_SIZE) -> None:
-        """Draw the current preset without the light of a `picture`, and wait until the frame is complete, for
-        editors.
-        """
+        """Draw the current preset for an editor, without the light of a `picture`, and wait for the frame."""
         self._scene.frame(self._view(size, False), *size)
 
     @property
@@ -243,16 +219,17 @@ class Previewer:
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = DEFAULT_SIZE, words: bool = True) -> Bools:
-        """Return (h, w) where a picture of a size would show material, ignoring marks in front of it."""
+        """Return a mask (h, w) of the pixels at which a picture would show material if no marks were in front of it."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
         if (size, words) not in self._views:
-            self._views[size, words] = page_view(self._stage.bodies, self._side, size, words, self._bar is not None)
+            bodies, scale = self._stage.bodies, self._bar is not None
+            self._views[size, words] = drawing.page_view(bodies, self._side, size, words, scale)
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = DEFAULT_SIZE, caption: str | None = None) -> Path:
-        """Write `picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
+        """Write `picture` as a whole PNG file or not at all. Raises ExportError if the file is not writable."""
         return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
@@ -279,11 +256,11 @@ class Previewer:
         )
 
     def _send_numbers(self) -> None:
-        whole_sheet = self._show in WHOLE_SHEET
+        whole_sheet = self._show in colouring.WHOLE_SHEET
         self._shader.set(ALL_MATERIAL if whole_sheet else shader_settings(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
-        """Test the shader, because drivers that refuse it draw all of the mesh, or nothing, without an error."""
+        """Test the shader. A driver that refuses it draws the whole mesh, or nothing, without an error."""
         view = self._view(TRIAL_SIZE, True)
         seen = []
         for settings in (ALL_MATERIAL, NO_MATERIAL):
@@ -303,16 +280,17 @@ class Previewer:
 
 
 def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
-    """Return the names of a view's layers; raises DsfabError for unknown names."""
-    layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
-    if unknown := sorted(layers - set(EVERY_LAYER)):
-        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
+    """Return the names of the marks that a view shows. Raises DsfabError for unknown names."""
+    layers = set(drawing.LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
+    if unknown := sorted(layers - set(drawing.EVERY_LAYER)):
+        raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(drawing.EVERY_LAYER)}")
     return layers - ({"person"} if view == "top" else set())
 
 
 class Previewers:
     """Previewers for a sequence of presets; use as `with Previewers(view=..., ...) as previewers`.
-    sketched : called with a sketch of each new design (see `Design.sketch`).    options : options of every `Previewer`.
+    sketched : function that receives a sketch of each new design (see `Design.sketch`).
+    options  : options of every `Previewer`.
     """
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
@@ -333,8 +311,7 @@ class Previewers:
         self._previewer = None
 
     def previewer_for(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
-        """Return a previewer with this preset; raises DsfabError if the design or its picture is impossible."""
-
+        """Return a previewer with this preset. Raises DsfabError if the design or its picture is impossible."""
         if self._previewer and self._previewer.can_display(preset):
             self._previewer.display(preset)
             return self._previewer
@@ -348,20 +325,15 @@ class Previewers:
         design = Design.from_preset(preset, self.design, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")
-            sketch = design.sketch(modes=show in MODE_FIELDS, answers=show in ("stress", *STATICS_RESULTS))
-            if sketch:
+            modes, answers = show in colouring.MODE_FIELDS, show in ("stress", *colouring.STATICS_RESULTS)
+            if sketch := design.sketch(modes=modes, answers=answers):
                 self._sketched(sketch)
         self.design = design.until("pattern")
         return self.design
 
 
-def panel_columns(count: int) -> int:
-    """Return the number of pictures in a row: up to 3 in one row, 4 as a square, more in rows of three."""
-    return {1: 1, 2: 2, 4: 2}.get(count, 3)
-
-
 class PanelsPicture(NamedTuple):
-    """A picture made of several pictures, and the names of omitted pictures with the reason."""
+    """A picture that consists of several pictures, and the names of omitted pictures with the reasons."""
 
     pixels: Bytes
     left_out: tuple[str, ...]
@@ -375,9 +347,10 @@ def panels(
     quality: LightQuality = FINE,
     **options: Any,
 ) -> PanelsPicture:
-    """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
+    """Return one picture that consists of the pictures `names`, each of a size in pixels. options : options of
+    `Previewer`.
     If loads have their own picture, the remaining pictures have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
+    A picture without a result in this design is omitted and reported. Raises DsfabError if no picture is left.
     """
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
@@ -395,7 +368,7 @@ def panels(
 
 
 def _tile_pictures(pictures: Sequence[Bytes]) -> Bytes:
-    columns = panel_columns(len(pictures))
+    columns = {1: 1, 2: 2, 4: 2}.get(len(pictures), 3)
     empty = np.broadcast_to(pictures[0][:1, :1], pictures[0].shape)
     filled = [*pictures, *(empty for _ in range(-len(pictures) % columns))]
     return np.concatenate([np.concatenate(filled[i : i + columns], axis=1) for i in range(0, len(filled), columns)])

@@ -1,7 +1,7 @@
 """The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
 
-VTK's lighting is off, so that software rendering and graphics cards agree. VTK's own modules are used, because pyvista
-takes a quarter of a second and its plotter another 75 MB.
+VTK's lighting is off, so that software rendering and graphics cards give the same picture. VTK's own modules are used,
+because the import of pyvista takes a quarter of a second, and its plotter another 75 MB.
 """
 
 import re
@@ -22,17 +22,17 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-
 NORMAL_STEPS = 1 << 10
-"""Number of steps from -1 to 1 by which normals are compared; the steps are finer than those of a picture's bytes."""
+"""Number of steps from -1 to 1 to which normals are rounded for comparison; bytes of a picture have 256 steps."""
 
 
 class Window:
     """Off-screen window: black, without lamps, and without multisampling, which would mix normals at edges.
-    Create, use and close it in one thread."""
+    Create, use and close a window in one thread.
+    """
 
     def __init__(self) -> None:
-        import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (it brings what draws)
+        import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (VTK draws nothing without it)
         from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 
         self.window: Any = vtkRenderWindow()
@@ -66,7 +66,7 @@ class Window:
         self.window.SetSize(width, height)
 
     def release_pictures(self) -> None:
-        """Release the six pictures of the last size that the graphics side holds, until the next picture."""
+        """Release the memory of the six pictures that the graphics side holds, until the next picture."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
@@ -83,7 +83,7 @@ class Window:
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """Return the depth (h, w) of the picture, row 0 on top: 0 at the nearest depth, 1 where it is empty."""
+        """Return the depth (h, w) of the picture, row 0 on top: 0 is the nearest depth, and 1 an empty pixel."""
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -97,7 +97,7 @@ class Window:
         return self._read(0, 0, width - 1, height - 1).reshape(height, width, 3)[::-1]
 
     def wait(self) -> None:
-        """Wait until the picture is finished, by reading its middle pixel."""
+        """Wait until the picture is finished: read its middle pixel."""
         x, y = (pixels // 2 for pixels in self.window.GetSize())
         self._read(x, y, x, y)
 
@@ -110,14 +110,14 @@ class Window:
 
 
 def load_renderer() -> bool:
-    """Load the drawing modules and draw a red test frame before the first request; return whether it is red."""
+    """Load the drawing modules and draw a red test frame before the first request. Return whether the frame is red."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
     import scipy.ndimage  # noqa: F401
     import vtkmodules.vtkFiltersCore  # noqa: F401
 
-    import dsfab.export  # noqa: F401  (it writes pictures)
+    import dsfab.export  # noqa: F401  (writers of pictures)
 
     window = Window()
     window.fill((1.0, 0.0, 0.0))
@@ -128,8 +128,8 @@ def load_renderer() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a mesh of points (n, 3) and faces (m, 3), split at edges sharper than `split` degrees.
-    The result includes normals (k, 3) of the new points, and the number (k,) of the old point of each.
+    """Return a mesh of points (n, 3) and faces (m, 3), split at edges whose angle exceeds `split` degrees.
+    The result also has the normals (k, 3) of the k new points, and the number (k,) of the old point of each new point.
     """
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
@@ -148,14 +148,8 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     return mesh, normals, source
 
 
-def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]:
-    """Return the normals (m, 3, 3) of `split_mesh` at the corners of its faces."""
-    mesh, normals, _ = split_mesh(points, F, split)
-    return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
-
-
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a mesh like `split_mesh` for normals (m, 3, 3) at corners of faces; it is split where normals differ."""
+    """Return the results of `split_mesh` for normals (m, 3, 3) at corners of faces, split at different normals."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -165,8 +159,10 @@ def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> 
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
-    """Store numbers (k, ...) for points or cells of a mesh under a name, in `GetPointData()` or `GetCellData()`."""
-    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # VTK frees arrays without a copy
+    """Store numbers (k, ...) of points or cells under a name, in a mesh's `GetPointData()` or `GetCellData()`."""
+    array = _support().numpy_to_vtk(
+        np.ascontiguousarray(values), deep=True
+    )  # without a copy, numpy frees the memory too early
     array.SetName(name)
     attributes.AddArray(array)
 
@@ -197,9 +193,7 @@ Floats32 = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
-SHARP_DEGREES = 35.0
-"""Angle (degrees) from which edges are shaded as sharp."""
-
+SHARP_DEGREES = 35.0  # least angle (degrees) between two faces at which their common edge is shaded as sharp
 
 LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
 """Distance from a lamp to the middle of the scene, and the nearest and farthest depth that the lamp sees (radii)."""
@@ -208,9 +202,9 @@ LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
 @dataclass(frozen=True, eq=False)
 class Body:
     """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
-    casts  : whether it throws shadows.    shader : shader that discards material outside a pattern.
-    half   : half the thickness of the shader's walls (m).    normals: (m, 3, 3) at corners of faces; None computes
-             them.
+    casts   : whether the body throws shadows.    shader : shader that removes material outside a pattern.
+    half    : half the thickness of the walls that the shader draws (m).
+    normals : (m, 3, 3) at corners of faces; None computes normals.
     """
 
     V: Floats
@@ -231,14 +225,17 @@ class Body:
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
-    """Return shading normals (m, 3, 3) of a body, for a second mesh of the same surface."""
-    return corner_normals(V, F, SHARP_DEGREES)
+    """Return the shading normals (m, 3, 3) at the corners of a body's faces, for a second mesh of the same surface."""
+    mesh, normals, _ = split_mesh(V, F, SHARP_DEGREES)
+    return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """Depth, normal and colour in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`. depth :
-    (h, w) along the view, infinity where it is empty. normal: (h, w, 3) 0..255 for -1..1. colour: (h, w, 3) 0..255."""
+    """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top; lengths in units of `Scene.radius`.
+    depth : (h, w) along the view, infinite where the picture is empty.
+    normal : (h, w, 3) in 0..255 for -1..1.    colour : (h, w, 3) in 0..255.
+    """
 
     depth: Floats32
     normal: Bytes
@@ -247,8 +244,9 @@ class Pixels:
 
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    Inside, `centre` is the origin, and `radius` is the unit of length: that of a ball around all shadow-casting bodies.
-    So millimetres and kilometres look alike. Create, use and close a scene in one thread.
+    The origin of the scene is `centre`. The unit of length is `radius`, of a ball around all shadow-casting bodies, so
+    that
+    millimetres and kilometres look alike. Create, use and close a scene in one thread.
     """
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
@@ -275,13 +273,13 @@ class Scene:
         self.window.close()
 
     def replace_body(self, index: int, body: Body) -> None:
-        """Replace a body by another of the same size."""
+        """Replace a body by a new body of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
-        """Return the view of the eye."""
+        """Return the pixels that the eye sees."""
         near, far = self._aim_camera(view)
         self.window.resize(width, height)
         with self._walls(view):
@@ -291,7 +289,7 @@ class Scene:
             self.window.draw()
         hit = z < 1
         self.empty = not hit.any()
-        z *= near - far  # in place: a picture for print has 24 million pixels
+        z *= near - far  # needs no new array: a picture for print has 24 million pixels
         z += far
         depth = np.divide(near * far, z, out=z)
         depth[~hit] = np.inf
@@ -301,7 +299,7 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Show the walls of cut sheets inside the context; for lamps and masks they have no thickness."""
+        """Show the walls of cut sheets inside the context. Lamps and masks see sheets without a thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -317,14 +315,14 @@ class Scene:
         return match.group(1).strip() if match else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
-        """Draw, wait for the picture, and read only its middle pixel."""
+        """Draw a picture and wait for it, but read only its middle pixel."""
         self._aim_camera(view)
         self.window.resize(width, height)
         self.window.draw()
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """Return (h, w) where the eye would see a shadow-casting body without the other bodies."""
+        """Return a mask (h, w) of the pixels at which the eye sees a shadow-casting body, without the other bodies."""
         with self.lamps():
             self._aim_camera(view)
             self.window.resize(width, height)
@@ -332,12 +330,14 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide bodies that cast no shadow inside the context, where `lamp` may be called."""
+        """Hide bodies that cast no shadow inside the context, in which `lamp` may be called."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth alone takes a tenth of the time
-            if casts and body.shader is None:  # with hidden back faces it would take three times as long
+            actor.GetMapper().SetScalarVisibility(
+                body.shader is not None
+            )  # depth without colours takes a tenth of the time
+            if casts and body.shader is None:  # drawn back faces would take three times as long
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:
@@ -346,7 +346,7 @@ class Scene:
             actor.GetMapper().SetScalarVisibility(True)
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
-        """Return the depth (s, s) of the first body seen by a lamp, with s = `side`.
+        """Return the depth (side, side) of the first body that a lamp sees in each pixel.
         The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
         frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
         """
@@ -394,12 +394,10 @@ class Scene:
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         points = (body.V - self.centre) / self.radius
-        body_normals = body.normals
-        mesh, normals, source = (
-            split_mesh(points, body.F, SHARP_DEGREES)
-            if body_normals is None
-            else mesh_with_normals(points, body.F, body_normals)
-        )
+        if body.normals is None:
+            mesh, normals, source = split_mesh(points, body.F, SHARP_DEGREES)
+        else:
+            mesh, normals, source = mesh_with_normals(points, body.F, body.normals)
         set_array(mesh.GetPointData(), "normal", np.round((normals + 1) * 127.5).astype(np.uint8))
         set_array(mesh.GetCellData(), "colour", np.broadcast_to(body.colour, (len(body.F), 3)).astype(np.uint8))
         mapper, actor = vtkPolyDataMapper(), vtkActor()

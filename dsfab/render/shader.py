@@ -1,4 +1,4 @@
-"""Shader that draws an uncut surface as if it were cut: it discards pixels outside stripes and kept regions.
+"""Shader that draws an uncut surface as if it were cut: it removes pixels outside stripes and kept regions.
 
 Material is |z - k| < d for an integer k, as in slicing; z and d are linear on each face. So a new pattern changes only
 a few numbers on the graphics side.
@@ -14,23 +14,21 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 INFINITE_DISTANCE = 1e30
-"""Distance to a load or support that does not exist. It is finite, because infinity times 0 is not a number."""
+"""Distance to a load or support that does not exist. The number is finite, because infinity times 0 is not a number."""
 NO_REACH = -INFINITE_DISTANCE
 """Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
-BY_VERTEX = -1.0
-"""Value of the half-width at which the shader reads half-widths at the vertices."""
-
+BY_VERTEX = -1.0  # value of the half-width at which the shader reads half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
-"""Fields that may vary over the surface, with two numbers at each vertex, in the order of `StripeShader.fields`."""
+"""Names of the fields that may vary over the surface, two numbers at each vertex, as in `StripeShader.fields`."""
 TIE = 2e-6
-"""Margin (periods) over rounding errors, by which widths of 0 and 1/2 become exactly empty and full."""
+"""Margin (periods) for rounding errors, with which half-widths of 0 are exactly empty and of 1/2 exactly full."""
 
-# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. Vertices compute the linear
-# part, because software rendering pays for each uniform at each pixel
+# |t - nearest integer + 1/2| is (wave(t) + 1) / 4; points at which this value exceeds 1/2 - d are material. The vertex
+# shader computes the linear part, because in software rendering each uniform takes time at each pixel
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -44,7 +42,7 @@ _THIN = """
   if (all(lessThanEqual(dsOff, dsStripes.zw)) && REACHED <= 0.0) discard;
 """
 _DEPTH = """
-// how deep in material: of the major and of the minor stripes, and of what is kept; material is > 0
+// depth of a point in major stripes, minor stripes and kept material; a depth > 0 is inside
 vec3 dsDepth(vec4 stripes, vec2 kept) {
   vec2 d = vec2(dsHalfWidth.x < 0.0 ? stripes.z : dsHalfWidth.x, dsHalfWidth.y < 0.0 ? stripes.w : dsHalfWidth.y);
   vec2 z = dsFrequency * stripes.xy + dsPhase;
@@ -56,8 +54,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# the ray passes through a slab with linear fields and ends in a face or a wall. This is a separate program, because
-# software rendering runs both sides of every `if`
+# the ray passes through a slab with linear fields and ends in a face or a wall. Walls have a separate program, because
+# software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -92,7 +90,7 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distances around loads and supports, and at the rim, within which material stays (m), or `NO_REACH`.
+    reach      : distance from loads and supports, and from the rim, within which material stays (m), or `NO_REACH`.
     """
 
     frequency: tuple[float, float] = (1.0, 1.0)
@@ -103,14 +101,13 @@ class StripeSettings:
 
 
 ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.0))
-"""Settings for all of the surface and for none of it, which test the shader."""
+"""Settings that keep the whole surface, and settings that keep nothing; both test the shader."""
 
 
 @dataclass(frozen=True)
 class ShaderProgram:
-    """Parts of the shader's program. Each is optional, because in software rendering every number per triangle takes
-    time.
-    vary : names of `FIELDS` that the program reads at the vertices, with modes.
+    """Optional parts of the shader's program; in software rendering, every number per triangle takes time.
+    vary : names of `FIELDS` that the program reads at the vertices, always with modes.
     walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
     """
 
@@ -152,10 +149,9 @@ class ShaderProgram:
 @dataclass(eq=False)
 class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
-
-    fields : (n, 6) modes, half-widths in periods (major, minor each), and distances in metres to loads and supports,
-             and to the boundary.
-    tints  : colours of major, minor and other material in place of those of the faces.
+    fields : (n, 6) modes and half-widths in periods (each major, minor), then two distances in metres: to loads and
+             supports, and to the boundary.
+    tints  : colours of major, minor and remaining material in place of the colours of the faces.
     """
 
     fields: Floats
@@ -164,7 +160,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor; source : (k,) body vertex of each point of its mesh."""
+        """Put the shader on an actor; source : (k,) number of the body's vertex at each point of the actor's mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -174,7 +170,7 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall seen edge on is at most four half thicknesses wide
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # limits walls along the view to four half thicknesses
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
@@ -195,7 +191,7 @@ class StripeShader:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: StripeSettings) -> None:
-        """Replace the numbers, in microseconds unless the program changes for widths or reaches."""
+        """Replace the settings. This takes microseconds unless the program changes for widths or reaches."""
         shown_widths = [d if s > 0.5 else 0.0 for d, s in zip(settings.half_width, settings.shown, strict=True)]
         widths, reads_kept = min(shown_widths) < 0, max(settings.reach) > NO_REACH
         self._change_program(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if reads_kept else ())))
@@ -208,8 +204,9 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units; without an eye, hide
-        them. The walls are approximate: those of a slab in the plane of each triangle, without the surface's rim.
+        """Show the walls of a sheet with half its thickness from `eye` (3,), both in scene units; without an eye, hide
+        walls.
+        Walls are approximate: each triangle has those of a plane slab, and the rim of the surface has no wall.
         """
         walls = eye is not None and half > 0
         self._change_program(walls=walls)

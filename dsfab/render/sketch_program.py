@@ -1,9 +1,10 @@
 """Program that draws pictures of a design; it starts before the first request.
 
-standard output: the kind of window as soon as it can draw; then a line for each picture
-standard input : for each picture 8 bytes n | n bytes of pickle; a closed input ends the program
-                 of a sketch (see `Design.sketch`), the PNG file, its width and height, options of `Previewer`
-                 of a `StructurePicture`, and the PNG file
+Standard input has 8 bytes n, then n bytes of pickle, for each picture; a closed input ends the program. The pickle
+holds
+    a sketch (see `Design.sketch`), the PNG file, its width and height, and options of `Previewer`; or
+    a `StructurePicture`, and the PNG file.
+Standard output has the kind of window as soon as the program can draw, then a line after each picture.
 """
 
 import gc
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def main(sketches: bool) -> None:
-    """Draw the requests of standard input; `sketches` loads the modules for sketches beforehand."""
+    """Draw the requests of standard input. sketches : whether to load the modules for sketches at the start."""
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_read_requests, args=(requests,), daemon=True).start()
     window = assume_window()  # if this machine cannot draw, the process crashes silently
@@ -31,7 +32,7 @@ def main(sketches: bool) -> None:
         sys.exit(1)
     _print_line(window)
     if sketches:
-        import dsfab.render.previewer  # noqa: F401  (loaded ahead)
+        import dsfab.render.previewer  # noqa: F401  (saves time at the first sketch)
     while True:
         _draw(*pickle.loads(requests.get()))
         _print_line("drawn")
@@ -64,7 +65,6 @@ def _print_line(line: str) -> None:
 
 
 def _read_requests(requests: "SimpleQueue[bytes]") -> None:
-    """Read requests during drawing, and end the process when its input closes."""
     source = sys.stdin.buffer
     while len(head := source.read(8)) == 8:
         requests.put(source.read(int.from_bytes(head, "little")))

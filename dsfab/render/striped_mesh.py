@@ -1,7 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
 Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases only on a chart (see
-`dsfab.slicing.Chart`): they are drawn on the chart, as if on two modes at frequency 1 and phase 0.
+`dsfab.slicing.Chart`): these stripes are drawn on the chart, as if on two modes at frequency 1 and phase 0.
 """
 
 from dataclasses import dataclass
@@ -21,20 +21,19 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8
-"""Largest reach, over the size of the surface, for which distances are exact in all presets."""
-
+EXACT_REACH_SHARE = 1 / 8  # largest reach, over the size of the surface, up to which distances are exact in all presets
 
 REGION_FACTOR = 1e33
-"""Factor for distances from drawn regions, which makes every reach 0 beside them, even `NO_REACH`."""
+"""Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
 REGION_REACH = -1e6
-"""Reach for drawn regions alone: the shader reads distances only for reaches over `NO_REACH`."""
+"""Reach of drawn regions without kept material; the shader reads distances only if a reach exceeds `NO_REACH`."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
-    """Mesh of the stripes: the uncut surface (n, m), or the chart of evenly spaced stripes (n', m').
-    Places, loads and supports always have the numbers of the uncut surface."""
+    """Mesh of the stripes: the uncut surface (n vertices, m faces), or the chart of evenly spaced stripes (n', m').
+    Places, loads and supports always have the numbers of the uncut surface.
+    """
 
     uncut: Surface
     even: EvenStripes | None
@@ -46,24 +45,18 @@ class StripedMesh:
 
     @property
     def surface(self) -> Surface:
-        """Mesh (n', m') for the drawing; it has the same shape as the uncut surface."""
+        """Surface (n', m') to draw; its shape is that of the uncut surface."""
         return self.even.chart.surface if self.even else self.uncut
 
     def is_same_mesh(self, mesh: "StripedMesh") -> bool:
-        """Return whether the mesh and the phases of even stripes are equal."""
+        """Return whether two meshes and their phases of even stripes are equal."""
         if self.uncut is not mesh.uncut or (self.even is None) != (mesh.even is None):
             return False
         if self.even is None or mesh.even is None or self.even is mesh.even:
             return True
-        chart, other_chart = self.even.chart, mesh.even.chart
-        return all(
-            np.array_equal(a, b)
-            for a, b in (
-                (chart.z, other_chart.z),
-                (chart.surface.F, other_chart.surface.F),
-                (chart.surface.V, other_chart.surface.V),
-            )
-        )
+        a, b = self.even.chart, mesh.even.chart
+        pairs = (a.z, b.z), (a.surface.F, b.surface.F), (a.surface.V, b.surface.V)
+        return all(np.array_equal(x, y) for x, y in pairs)
 
     def carry(self, x: Floats) -> Floats:
         """Return values (n, ...) at the uncut vertices as values (n', ...) at the vertices of this mesh."""
@@ -88,11 +81,11 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """Unit normals (n', 3) of the uncut surface, which hide the borders of the chart in the light."""
+        """Unit normals (n', 3) of the uncut surface; with them, the light does not show the borders of the chart."""
         return self.uncut.vertex_normals if self.even is None else unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, design: Design) -> Floats:
-        """Return (n', 2) modes of both families, or the phases of even stripes."""
+        """Return the modes (n', 2) of both families, or the phases of even stripes."""
         if self.even:
             return self.even.chart.z
         mode, modes = design.pattern.mode, design.diffusion
@@ -100,9 +93,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 without a
-        phase.
-        """
+        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 for no phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -118,15 +109,12 @@ class StripedMesh:
         return self.carry(np.stack(finest, axis=1)) * even.chart.scale
 
 
-def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
-    With drawn regions, the first is the distance to these regions and to kept material, times `REGION_FACTOR`.
-    """
-    return _distances(design)
-
-
 @derived
-def _distances(design: Design) -> tuple[Floats, Floats]:
+def distances(design: Design) -> tuple[Floats, Floats]:
+    """Return distances (n,) to loads and supports, and to the boundary (m), up to the largest reach of a slider or of
+    the preset. With drawn regions, the first is the distance to these regions and to kept material, times
+    `REGION_FACTOR`.
+    """
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)
     to_held = distance_to_vertices(surface, load.supported | load.loaded, reach)
@@ -143,7 +131,7 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            # vertices on the outline of a solid region count as a little outside
+            # a vertex on the outline of a solid region counts as slightly outside
             region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             outside = np.where(x >= 0, np.minimum(outside, region), outside)
         else:
@@ -153,18 +141,17 @@ def _distances_outside(design: Design, to_held: Floats) -> Floats:
 
 def vertex_fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
     """Return phases, half-widths and distances (n', 6) (see `StripeShader`); distances : (n,) each."""
-    return np.concatenate(
-        [mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(finite_distances(distances))], axis=1
-    )
+    reaches = mesh.carry(finite_distances(distances))
+    return np.concatenate([mesh.phases(design), mesh.half_widths(design.pattern), reaches], axis=1)
 
 
 def finite_distances(distances: tuple[Floats, Floats], limit: float = INFINITE_DISTANCE) -> Floats:
-    """Return distances (n, 2) with a limit for infinity, because infinity times a weight of 0 is not a number."""
+    """Return distances (n, 2), with `limit` for infinity, because infinity times a weight of 0 is not a number."""
     return np.where(np.isfinite(distances), distances, limit).T
 
 
 def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
-    """Return whether two presets differ only in numbers of the shader."""
+    """Return whether a new preset differs from the drawn preset only in numbers of the shader."""
     old_pattern, new_pattern = drawn_preset.pattern, preset.pattern
     first_section = preset.first_difference(drawn_preset)
     if first_section is None or STAGES.index(first_section) > STAGES.index("pattern"):
@@ -181,7 +168,7 @@ def needs_only_settings(drawn_preset: Preset, preset: Preset) -> bool:
         return False
     if new_pattern.method != "modes":
         return new_pattern.method == "stripes" and _without_reaches(old_pattern) == _without_reaches(new_pattern)
-    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # such widths depend on every number
+    if new_pattern.width.widths(1.0).vary or new_pattern.auto:  # these widths depend on all numbers of the pattern
         return False
     if new_pattern.major.spacing or new_pattern.minor.spacing:  # a solver sets the frequencies
         return False
@@ -193,7 +180,7 @@ def _without_reaches(pattern: Pattern) -> dict[str, object]:
 
 
 def shader_settings(preset: Preset, result: PatternResult, show: str) -> StripeSettings:
-    """Return the shader settings of a preset, with solved numbers of its pattern's result."""
+    """Return the shader settings of a preset. Numbers that the preset leaves open come from its pattern's result."""
     pattern = preset.pattern
     pair, width = (pattern.major, pattern.minor), pattern.width
     nothing = REGION_REACH if pattern.drawn_regions else NO_REACH

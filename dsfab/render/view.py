@@ -1,4 +1,4 @@
-"""The view of a picture: the direction up, the side of the structure, and the fit on the page."""
+"""The view of a picture: the direction up, the side of the structure, and its place on the page."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,14 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
-VIEW_DEGREES = 24.0
-"""Vertical view angle (degrees): as small as with a long lens, so that near and far members look equally large."""
+VIEW_DEGREES = 24.0  # vertical view angle (degrees): small, so that near and far members look almost equally large
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half the view angle).
-    floor : unit normal of the floor. Behind a plate that is seen face on (`front`), the floor is an upright board.
+    """Camera at `eye` that looks along `forward`; `right` and `up` span the picture; `slope` is tan(half the view
+    angle).
+    floor : unit normal of the floor. A plate seen from the front (`front`) has an upright board behind it as its floor.
     """
 
     eye: Floats
@@ -27,16 +27,16 @@ class View:
     front: bool
 
     def page_coordinates(self, points: Floats) -> Floats:
-        """Return points (k, 3) as (x, y, depth): x and y are 1 at the upper edge of a square picture."""
+        """Return points (k, 3) as (x, y, depth): x and y are 1 at the right and upper edges of a square picture."""
         local = (points - self.eye) @ np.stack([self.right, self.up, self.forward], axis=1)
         local[:, :2] /= self.slope * local[:, 2:]
         return np.asarray(local)
 
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
-    """Return the unit vector (3,) that points up for V (n, 3): z, unless the loads point along -y.
+    """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
     Up is y if the whole load presses along -y and the supports are low in y, as for figures. Up is also y if the load
-    lies in the plane of a plate and z is normal to it.
+    lies in the plane of a plate and z is normal to the plate.
     """
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
@@ -51,7 +51,7 @@ def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats
 
 
 def _principal_spread(V: Floats) -> tuple[Floats, Floats]:
-    """Return standard deviations of points along their principal axes, largest first, and the axes as rows."""
+    """Return standard deviations (3,) of points along their principal axes, largest first, and the axes as rows."""
     values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
     return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
 
@@ -67,7 +67,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """Side of a view: `towards` the eye, and `up`, `floor` and `front` as in `View`."""
+    """Direction of a view: `towards` the eye, and `up`, `floor` and `front` as in `View`."""
 
     towards: Floats
     up: Floats
@@ -76,7 +76,7 @@ class ViewSide:
 
 
 def best_side(V: Floats, up: Floats) -> ViewSide:
-    """Return the three-quarter view of V (n, 3) from a little above; standing plates are seen face on."""
+    """Return the three-quarter view of vertices V (n, 3) from a little above, or the front view of a standing plate."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
     front, right = _plan_axes(V, up)
@@ -89,13 +89,14 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
 
 
 NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
-"""Azimuth and elevation (degrees); low views are a little raised, because the ground would be a line."""
+"""Azimuth and elevation (degrees) of named views; front and side are a little raised, so that the ground is visible."""
 
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
-    """Return the side of V (n, 3) for a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
+    """Return the view of vertices V (n, 3) with a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
     iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
-    Raises DsfabError for other names."""
+    Raises DsfabError for any other name.
+    """
     if name == "iso":
         return best_side(V, up)
     azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)
@@ -120,7 +121,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view beside and above the normal of a plate, from the side with positive axes (for xz, from -y)."""
+    """Return a view from a little beside and above a plate's normal, on the side of positive axes (for xz, from -y)."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -130,7 +131,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the direction to the front, where a long plan has its long side, and the direction to its right (3,)."""
+    """Return the directions (3,) to the front and to its right; the long side of a long plan is at the front."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)

@@ -1,4 +1,4 @@
-"""Parametric sweeps, comparisons with other designs, and checks of a design's compliance and fabrication limits."""
+"""Parameter sweeps, comparisons with other structures, and checks of a design's compliance and fabrication limits."""
 
 from dsfab.study.alternatives import (
     ALTERNATIVE_WORDS,
@@ -16,23 +16,7 @@ from dsfab.study.sweeps import METRICS, Run, sweep
 from dsfab.study.sweeps.workers import fitting_processes, map_in_processes
 
 __all__ = [
-    "ALTERNATIVE_WORDS",
-    "METRICS",
-    "Alternative",
-    "Comparison",
-    "Competitor",
-    "NonlinearCheck",
-    "Run",
-    "compare",
-    "compare_at",
-    "design_alternatives",
-    "fitting_processes",
-    "full_at_many_shares",
-    "is_searched",
-    "losing_line",
-    "map_in_processes",
-    "nonlinear_check",
-    "require_ccx",
-    "require_fit",
-    "sweep",
-]
+    "ALTERNATIVE_WORDS", "METRICS", "Alternative", "Comparison", "Competitor", "NonlinearCheck", "Run", "compare",
+    "compare_at", "design_alternatives", "fitting_processes", "full_at_many_shares", "is_searched", "losing_line",
+    "map_in_processes", "nonlinear_check", "require_ccx", "require_fit", "sweep",
+]  # fmt: skip

@@ -1,4 +1,4 @@
-"""Structures to compare a design with, at the design's mass: a thinner sheet, and stripes that ignore the stress."""
+"""Structures with the mass of a design to compare it with: a thinner sheet, and stripes that ignore the stress."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -21,7 +21,7 @@ class Spread:
     """Compliances (J) of a competitor's variants, as the judge `quick` computes them.
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants; a variant that does not carry the loads counts as infinite.
+    median : median of all variants; the compliance of a variant that does not carry the loads is infinite.
     """
 
     tried: int
@@ -33,7 +33,7 @@ class Spread:
 
     @classmethod
     def from_compliances(cls, compliances: Sequence[float]) -> "Spread":
-        """Return the statistics of compliances (J); an infinite value is a variant that does not carry the loads."""
+        """Return the statistics of compliances (J); a variant that does not carry the loads has infinite compliance."""
         sound = [value for value in compliances if np.isfinite(value)]
         statistics = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *statistics, float(np.median(compliances)))
@@ -41,16 +41,15 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads, or the reason (`error`) why it is missing.
-
+    """A structure under the design's loads, or the reason (`error`) why the structure is missing.
     variant         : name of the stiffest of several variants, such as "modes 1, 2".
     area_fraction   : share of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
     judgement       : None with an error.       pieces : number of the sheet's pieces.
-    loose           : share of the material that is left out because it reaches no support.
+    loose           : share of the material that reaches no support; the sheet is without this material.
     smallest_member : width in metres; None if the sheet has no measurable member.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and to judge them.
-    structure       : the judged structure, for drawings; with an error, a single structure that does not carry its
+    structure       : the judged structure, for drawings; with an error, a single structure that does not carry the
                       loads.
     """
 
@@ -75,9 +74,7 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return a table row of plain SI values, None for unknown values.
-        full, design : compliance (J) of the full sheet and of the design.
-        """
+        """Return SI values for a table, None if unknown. full, design : compliance (J) of full sheet and design."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -111,21 +108,18 @@ def _judgement_columns(judgement: Judgement) -> dict[str, Any]:
         worst = judgement.worst(name)
         columns |= {f"{name}_{unit}": worst.value, f"{name}_at_m": worst.place, f"{name}_99_{unit}": worst.quantile}
         if worst.away is not None:
-            columns[f"{name}_off_corners_{unit}"] = max(
-                getattr(case, name).settled for case in judgement.cases.values()
-            )
+            settled = (getattr(case, name).settled for case in judgement.cases.values())
+            columns[f"{name}_off_corners_{unit}"] = max(settled)
     cases = judgement.cases.values()
     shares = [case.utilisation for case in cases if case.utilisation]
     if shares:
-        columns["utilisation_99"], columns["utilisation_off_corners"] = (
-            max(column) for column in zip(*shares, strict=True)
-        )
-    for name, lowest in (("buckling", min), ("frequency", min)):
+        columns["utilisation_99"], columns["utilisation_off_corners"] = map(max, zip(*shares, strict=True))
+    for name in ("buckling", "frequency"):
         bounded_values = [
             (value, getattr(case, f"{name}_bound")) for case in cases if (value := getattr(case, name)) is not None
         ]
         if bounded_values:
-            value, bound = lowest(bounded_values, key=lambda one: one[0])
+            value, bound = min(bounded_values, key=lambda bounded_value: bounded_value[0])
             columns |= {f"{name}{'_hz' if name == 'frequency' else '_factor'}": value, f"{name}_bound": bound}
     columns["reactions_N"] = {name: case.reactions for name, case in judgement.cases.items()}
     if refusals := [refusal for case in cases for refusal in case.refusals]:
@@ -145,14 +139,14 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Alternatives of the same mass, with their names in sentences."""
+"""Words for sentences about the alternatives with the mass of a design, by name of the alternative."""
 
 
 @dataclass(frozen=True)
 class Alternative:
-    """Another structure with the mass of a design, under the design's loads.
+    """A structure with the mass of a design, under the design's loads.
     over      : the design's compliance over the alternative's: above 1 the design is softer. Infinite if the design
-                does not carry its loads; 0 if the alternative does not.
+                does not carry its loads; 0 if the alternative does not carry them.
     low, high : interval of `over`, from the error bounds of both compliances.
     variant   : the best variant, such as "modes 1, 2".
     level     : check of both compliances, in words.                error : why the alternative is missing, or ''.
@@ -173,7 +167,7 @@ class Alternative:
 
     @property
     def sentence(self) -> str:
-        """Sentence about a design that loses to this alternative."""
+        """Sentence about a design that is softer than this alternative."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -184,23 +178,19 @@ class Alternative:
     def record(self) -> dict[str, Any]:
         """Return plain values for a file, None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
-        values = {"name": self.name, **{key: x if np.isfinite(x) else None for key, x in numbers.items()}}
-        return {**values, "design_loses": self.is_stiffer, "level": self.level, "variant": self.variant} | (
-            {"error": self.error} if self.error else {}
-        )
+        finite = {key: x if np.isfinite(x) else None for key, x in numbers.items()}
+        verdict = {"design_loses": self.is_stiffer, "level": self.level, "variant": self.variant}
+        return {"name": self.name, **finite, **verdict, **({"error": self.error} if self.error else {})}
 
 
 def losing_line(candidates: Iterable[Alternative]) -> str:
-    """Return a line about the alternatives that are stiffer than the design, the worst loss first; '' for none."""
-    return "; ".join(
-        alternative.sentence
-        for alternative in sorted(candidates, key=lambda alternative: -alternative.over)
-        if alternative.is_stiffer
-    )
+    """Return a line about the alternatives that are stiffer than the design, the stiffest first, or ''."""
+    stiffer = sorted((x for x in candidates if x.is_stiffer), key=lambda alternative: -alternative.over)
+    return "; ".join(alternative.sentence for alternative in stiffer)
 
 
 def is_searched(preset: Preset) -> bool:
-    """Return True if a search sets part of the pattern: method, modes, phases, or widths that even out stress."""
+    """Return True if a search sets part of the pattern: its method, modes or phases, or widths for even stress."""
     pattern = preset.pattern
     return pattern.method == "auto" or pattern.auto or pattern.width.rule == "stressed"
 
@@ -221,51 +211,44 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, structure: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Return the alternatives `names` to a structure; they have the mass of the task."""
-    return tuple(
-        {"thinner": thinner_alternative, "isotropic": isotropic_alternative}[name](task, structure) for name in names
-    )
+    """Return the alternatives `names` to a structure, each with the mass of the task."""
+    makers = {"thinner": thinner_alternative, "isotropic": isotropic_alternative}
+    return tuple(makers[name](task, structure) for name in names)
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative bound; infinite if the loads are not carried (see `error`)."""
+    """A compliance (J) with its relative error bound; infinite if the structure carries no loads (see `error`)."""
 
     compliance: float
     bound: float
     variant: str = ""
     error: str = ""
 
-    @property
-    def lower(self) -> float:
-        return self.compliance * (1 - self.bound)
-
-    @property
-    def upper(self) -> float:
-        return self.compliance * (1 + self.bound)
-
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with a thinner sheet, by one solve of each sheet with elements that rank designs. If the result is
-    uncertain, better elements solve both sheets again. A sheet that bends gets a full check, because its mesh is
-    coarser than that of the cut sheet.
+    """Compare a structure with a thinner sheet: one solve of each sheet, with elements that rank designs.
+    If the result is uncertain, better elements solve both sheets again. A sheet that bends then gets a full check,
+    because
+    its mesh is coarser than the mesh of the cut sheet.
     """
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
-    alternative = _alternative(
-        "thinner", _ranked_compliance(task, structure), _judged_compliance(quick, task, thin), "one solve each"
-    )
+    design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
+    alternative = _alternative("thinner", design, rival, "one solve each")
     if alternative.low <= 1 <= alternative.high:
         judge, checked = (quick, "one solve each") if task.is_plane else (full, "the sheet checked in full")
-        alternative = _alternative(
-            "thinner", _judged_compliance(quick, task, structure), _judged_compliance(judge, task, thin), checked
-        )
+        design, rival = _judged_compliance(quick, task, structure), _judged_compliance(judge, task, thin)
+        alternative = _alternative("thinner", design, rival, checked)
     return alternative
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare with the best isotropic stripes. Every pair of modes is cut once and solved with quick elements, like a
-    candidate of a search. The two best pairs are cut again to exactly the design's mass and judged with better
-    elements, like the design. Quick elements make members up to twice too stiff if the members bend in their plane; 1 %
-    more material makes a sheet 5 % stiffer.
+    """Compare a structure with the best isotropic stripes. Every pair of modes is cut once and solved with quick
+    elements,
+    like a candidate of a search. The two best pairs are cut again to exactly the design's mass, and better elements
+    judge
+    them and the design. Quick elements make members that bend in their plane up to twice too stiff. Exactly the same
+    mass
+    matters, because 1 % more material makes a sheet 5 % stiffer.
     """
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
@@ -273,17 +256,15 @@ def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alterna
     try:
         trial = Trial(blind.preset, replace(task.stressed_surface, diffusion=blind.diffusion()))
     except DsfabError as error:
-        return _alternative(
-            "isotropic", _BoundedCompliance(0.0, 0.0), _BoundedCompliance(np.inf, 0.0, error=str(error)), level
-        )
+        failed = _BoundedCompliance(np.inf, 0.0, error=str(error))
+        return _alternative("isotropic", _BoundedCompliance(0.0, 0.0), failed, level)
     tried = [trial.candidate(pair, phases) for pair in blind.pairs]
     variants = zip(tried, isotropic_variants(task, blind), strict=True)
-    stiffest = sorted(
-        (pair for pair in variants if not pair[0].refused), key=lambda pair: pair[0].compliance * pair[0].kept
-    )
+    sound = (pair for pair in variants if not pair[0].refused)
+    stiffest = sorted(sound, key=lambda pair: pair[0].compliance * pair[0].kept)
     rivals = [_variant_compliance(task, variant) for _, variant in stiffest[:2]]
     failed = _BoundedCompliance(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
-    rival = min(rivals, key=lambda one: one.compliance, default=failed)._replace(bound=0.0)
+    rival = min(rivals, key=lambda rival: rival.compliance, default=failed)._replace(bound=0.0)
     # errors of these elements have the same sign on both sheets, so the ratio is exact to 10 %
     return _alternative("isotropic", _judged_compliance(quick, task, structure)._replace(bound=0.1), rival, level)
 
@@ -296,18 +277,12 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the alternatives that a comparison has judged as rivals."""
-    design_value = _competitor_compliance(design)
-    return tuple(
-        _alternative(
-            rival.name,
-            design_value,
-            _competitor_compliance(rival),
-            f"{rival.judgement.level} check" if rival.judgement else "",
-        )
-        for rival in rivals
-        if rival.name in ALTERNATIVE_WORDS
-    )
+    """Return the rivals of a comparison that are alternatives, with their judgements."""
+    design_value, judged = _competitor_compliance(design), []
+    for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
+        level = f"{rival.judgement.level} check" if rival.judgement else ""
+        judged.append(_alternative(rival.name, design_value, _competitor_compliance(rival), level))
+    return tuple(judged)
 
 
 def _competitor_compliance(competitor: Competitor) -> _BoundedCompliance:
@@ -321,20 +296,21 @@ def _alternative(name: str, design: _BoundedCompliance, rival: _BoundedComplianc
     if not np.isfinite(design.compliance):
         return Alternative(name, np.inf, np.inf, np.inf, level, rival.variant)
     over = design.compliance / rival.compliance
-    return Alternative(name, over, design.lower / rival.upper, design.upper / rival.lower, level, rival.variant)
+    low = design.compliance * (1 - design.bound) / (rival.compliance * (1 + rival.bound))
+    high = design.compliance * (1 + design.bound) / (rival.compliance * (1 - rival.bound))
+    return Alternative(name, over, low, high, level, rival.variant)
 
 
 def _ranked_compliance(task: ComparisonTask, structure: Structure) -> _BoundedCompliance:
-    """Return the compliance of a cut sheet by one solve; its elements rank designs, with errors of 5 to 15 %."""
+    """Return the compliance of a cut sheet by one solve with elements that rank designs; its error is 5 to 15 %."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure))
         answers = solve_for(statics.sheet(structure.thickness).model_for(structure.sheet.surface), loads, "ranking")
     except DsfabError as error:
         return _BoundedCompliance(np.inf, 0.0, error=str(error))
-    return _BoundedCompliance(
-        sum(weight * answers[name].compliance for name, weight in task.preset.followed_weights.items()), 0.15
-    )
+    total = sum(weight * answers[name].compliance for name, weight in task.preset.followed_weights.items())
+    return _BoundedCompliance(total, 0.15)
 
 
 def _judged_compliance(judge: Judge, task: ComparisonTask, structure: Structure) -> _BoundedCompliance:

@@ -1,4 +1,4 @@
-"""Sheets as solids of quadratic wedges for CalculiX, and CalculiX as a process."""
+"""Sheets as solids of quadratic wedges for CalculiX, and the run of CalculiX in a process of its own."""
 
 import re
 import shutil
@@ -17,16 +17,16 @@ from dsfab.statics import Material
 from dsfab.study.check_model import held_nodes
 from dsfab.surface import LoadCase, Surface
 
-CCX = "ccx"  # Name of CalculiX's solver program.
+CCX = "ccx"  # name of CalculiX's solver program
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
 
-Projection = Callable[[Floats], tuple[Floats, Floats]]  # Points (k, 3) -> points on the middle surface, unit normals.
+Projection = Callable[[Floats], tuple[Floats, Floats]]  # points (k, 3) -> points on the middle surface, unit normals
 
 
 @dataclass(frozen=True, eq=False)
 class Wedges:
-    """A solid with one quadratic wedge (C3D15) for each triangle, in metres.
+    """A solid with one quadratic wedge (C3D15) for each of m triangles, in metres.
     nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
              below, middles of the edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
@@ -40,7 +40,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid between two surfaces, each half a thickness away from the middle surface."""
+    """Return the solid between two surfaces, which are half a thickness away from the middle surface on both sides."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -49,7 +49,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # the normals define top and bottom: turn faces that are oriented against them
+    # top and bottom follow the vertex normals, so faces with opposite normals turn
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -60,9 +60,7 @@ def solid_compliance(
     solid: Wedges, material: Material, fixed_nodes: Ints, gravity: Floats, seconds: float = 600.0
 ) -> float | None:
     """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
-
-    fixed_nodes : nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
-
+    fixed_nodes : numbers of nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
     Raises StaticsError if CalculiX fails.
     """
     program = shutil.which(CCX)
@@ -98,13 +96,13 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return all nodes of the end faces on boundary edges between marked vertices (n,)."""
+    """Return all nodes of the end faces on boundary edges between vertices of a mask `marked` (n,)."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for its nodes below, above and between.
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
 """Shares of a vertex force on its nodes below, above and in the middle of the thickness."""
 
 
@@ -112,7 +110,7 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # Shares of a force on a vertex for it
 class WedgeModel:
     """A solid with its supports and forces.
     solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
-    opposite : (r, 3) two nodes and a direction in which their movements are opposite, so that the sheet can turn.
+    opposite : (r, 3) two nodes and a direction in which their displacements are opposite, so that the sheet can turn.
     force    : (p, 3) newtons.
     """
 
@@ -130,7 +128,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     springs.
     """
     if load.spring.any():
-        raise StaticsError("springs of supports are not in the nonlinear check; hold these supports rigidly for it")
+        raise StaticsError("the nonlinear check has no springs at supports; hold these supports rigidly for the check")
     across = normal[surface.edges.ends].sum(axis=1)
     normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
     solid = wedges(surface, thickness, lambda points: (points, next(normals)))
@@ -142,17 +140,13 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
 
 
 def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: Bools) -> tuple[Ints, Ints]:
-    """Return `fixed` and `opposite` for held directions (n + e, 3) of vertices and of middles of edges."""
     n = surface.n
     vertex, direction = np.nonzero(held_directions[:n])
     edge, edge_direction = np.nonzero(held_directions[n:])
     fixed = np.stack([solid.columns[vertex, 2], direction], axis=1)
-    pairs = np.concatenate(
-        [
-            np.concatenate([solid.columns[vertex, :2], direction[:, None]], axis=1),
-            np.concatenate([solid.middles[edge], edge_direction[:, None]], axis=1),
-        ]
-    )
+    at_vertices = np.concatenate([solid.columns[vertex, :2], direction[:, None]], axis=1)
+    at_edges = np.concatenate([solid.middles[edge], edge_direction[:, None]], axis=1)
+    pairs = np.concatenate([at_vertices, at_edges])
     edges = np.flatnonzero(load.clamped)
     stiff = np.unique(np.concatenate([solid.columns[surface.edges.ends[edges]].ravel(), solid.middles[edges].ravel()]))
     clamped = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
@@ -160,7 +154,7 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held_directions: 
 
 
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""Line of the .sta file: U for no equilibrium, the time so far, and the attempted step of time."""
+"""Line of the .sta file: U if no equilibrium was found, the time at the start, and the attempted time step."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
@@ -174,7 +168,7 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """Return the time of each table of displacements, and (k, 4) numbers of nodes with their displacements."""
+        """Return the time of each table of displacements, and the table's rows (k, 4): a node and its displacements."""
         data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         parsed = []
@@ -186,12 +180,12 @@ class CcxFiles:
         return parsed
 
     def failures(self) -> list[tuple[float, float]]:
-        """Return the time before each failed attempt, and the step of time that it tried."""
+        """Return the time before each failed attempt, and the attempted time step."""
         return [(float(start), float(step)) for failed, start, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:
-    """Return the path of CalculiX. Raises StaticsError if it is not installed."""
+    """Return the path of CalculiX's program. Raises StaticsError if CalculiX is not installed."""
     path = shutil.which(CCX)
     if path is None:
         raise StaticsError(
@@ -203,7 +197,8 @@ def require_ccx() -> str:
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
     """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output. The
-    process and its files are removed in any case, also after a signal."""
+    process and its files are removed in any case, even after a signal.
+    """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -245,7 +240,7 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Path of a structure under growing loads.
-    load    : (k,) factors on the loads, from 0 on.    u : (k, w, 3) displacements of the watched nodes, metres.
+    load    : (k,) factors on the loads, from 0.    u : (k, w, 3) displacements of the w watched nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
     failed  : (f, 2) start point and load increment of each attempt without equilibrium.
     """
@@ -262,14 +257,8 @@ class LoadPath:
         return LoadPath(self.load[: last_point + 1], self.u[: last_point + 1], False, False, failed)
 
 
-def _no_stop(path: LoadPath) -> int | None:
-    return None
-
-
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and its shape (p, 3), which has no scale. Raises StaticsError for
-    none.
-    """
+    """Return the lowest linear buckling factor and its shape (p, 3) without a scale. Raises StaticsError for none."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -290,14 +279,14 @@ def load_path(
     factors: tuple[float, ...],
     watched: Ints,
     seconds: float,
-    stop_point: Callable[[LoadPath], int | None] = _no_stop,
+    stop_point: Callable[[LoadPath], int | None] = lambda path: None,
     steps: int = 10,
 ) -> LoadPath:
-    """Return the path of nodes (w,) as loads grow to each of `factors` in turn, with large displacements.
+    """Return the path of nodes `watched` (w,) as loads grow to each of `factors` in turn, with large displacements.
     nodes : (p, 3) initial positions, metres.
     stop_point : function of a path that returns the point at which CalculiX may stop, or None.
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
-    The path ends where CalculiX fails or the seconds are over. Raises StaticsError if the first step fails.
+    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails.
     """
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
@@ -309,7 +298,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # the time at which the program stops does not change `end`
+    path, end = until(files)  # results after `end` are cut off, so the time of the stop changes nothing
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:
@@ -324,20 +313,17 @@ def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
     time = np.array([0.0, *(time for time, _ in tables)])
     u = np.stack([np.zeros((count, 3)), *(table[table[:, 0].argsort(), 1:] for _, table in tables)])
     ends = np.arange(len(factors) + 1), np.array([0.0, *factors])
-    failed = [
-        (
-            int(np.searchsorted(time, start_time + 1e-5)) - 1,
-            float(np.interp(start_time + step, *ends) - np.interp(start_time, *ends)),
-        )
-        for start_time, step in files.failures()
-    ]
-    return LoadPath(np.interp(time, *ends), u, bool(time[-1] > len(factors) - 1e-6), failed=tuple(failed))
+    failed = tuple(
+        (int(np.searchsorted(time, start + 1e-5)) - 1, float(np.interp(start + step, *ends) - np.interp(start, *ends)))
+        for start, step in files.failures()
+    )
+    return LoadPath(np.interp(time, *ends), u, bool(time[-1] > len(factors) - 1e-6), failed=failed)
 
 
 def _timeout_error(seconds: float) -> StaticsError:
     return StaticsError(
-        f"CalculiX did not come to an end within {seconds / 60:.3g} minutes; make the mesh coarser "
-        "(--check-edge, surface.edge), or give it more: --minutes"
+        f"CalculiX did not end within {seconds / 60:.3g} minutes; make the mesh coarser (--check-edge, surface.edge), "
+        "or raise the time limit: --minutes"
     )
 
 
@@ -346,9 +332,8 @@ def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
     yield "*NODE, NSET=ALL\n"
     yield from _formatted_rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
     yield "*ELEMENT, TYPE=C3D15, ELSET=SOLID\n"
-    yield from _formatted_rows(
-        ", ".join(["%d"] * 16) + "\n", np.arange(1, len(solid.elements) + 1), *(solid.elements.T + 1)
-    )
+    numbers = np.arange(1, len(solid.elements) + 1)
+    yield from _formatted_rows(", ".join(["%d"] * 16) + "\n", numbers, *(solid.elements.T + 1))
     yield f"*MATERIAL, NAME=SOLID\n*ELASTIC\n{model.material.young:.12g}, {model.material.poisson:.12g}\n"
     yield "*SOLID SECTION, ELSET=SOLID, MATERIAL=SOLID\n*BOUNDARY\n"
     yield from _formatted_rows("%d, %d, %d\n", model.fixed[:, 0] + 1, model.fixed[:, 1] + 1, model.fixed[:, 1] + 1)

@@ -1,4 +1,4 @@
-"""A design as a finite element model for CalculiX, with dsfab's own results in its comments."""
+"""A design as a finite element model for CalculiX; the comments of the file hold dsfab's own results."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,15 +22,18 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Largest thickness of CPS6 sections over the mean edge. CalculiX makes solid wedges of them with a continuous change
-of thickness, which costs shear if they are thick. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a
-third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below."""
+"""Largest thickness of CPS6 sections over the mean edge. CalculiX makes solid wedges of these sections, and smooths
+changes
+of thickness, which costs shear stiffness. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a third of the
+mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below.
+"""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
-    middles. The fourth node lies between the first and the second, the fifth between the second and the third, the
-    sixth between the third and the first.
+    middles.
+    The fourth node lies between the first and the second, the fifth between the second and the third, the sixth between
+    the third and the first.
     """
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
@@ -38,11 +41,12 @@ def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """Return (n + e, 3) newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
-    force  : (n, 3) newtons on the vertices, the share of `spread` included.
-    spread : loads per area and per length, which act on the edges' bubbles too.
+    """Return forces (n + e, 3) in newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
+    force  : (n, 3) newtons on the vertices, with the share of `spread`.
+    spread : loads per area and per length, which act on the edges' bubble functions, too.
 
-    The quadratic shape of a corner is its hat function less half of the bubbles of its edges. The shape of a middle
+    The quadratic shape function of a corner is its hat function minus half of the bubbles of its edges; that of a
+    middle
     node is the bubble. So middles take the force on the bubbles, and corners lose half of that force.
     """
     middle = np.zeros((len(surface.edges.ends), 3))
@@ -55,8 +59,9 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """Return the held directions (n + e, 3) of all nodes by support, from those of vertices (n, 3). Middles follow
-    dsfab's `held_middles`. A middle between two supports belongs to the first support that holds one of its ends.
+    """Return a mask of the held directions (n + e, 3) of all nodes for each support, from the masks (n, 3) of vertices.
+    Middles follow `held_middles`. A middle between two supports belongs to the first support that holds one of its
+    ends.
     """
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
@@ -81,7 +86,7 @@ def six_node_model(
     axis: int = 2,
 ) -> CalculixModel:
     """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not turn, as in dsfab.
-    supports : (n, 3) held directions of the vertices, by name of the support.
+    supports : (n, 3) mask of held directions of the vertices, by name of the support.
     steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
     springs  : (n, 3) newtons per metre on the vertices.
     element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`.
@@ -105,7 +110,7 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the coordinates (3,) that become x, y and z of a file for a view along the coordinate `axis`."""
+    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
@@ -113,7 +118,6 @@ def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel
     """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
     thickness : largest thickness of the section, metres. A stiffer material balances a thinner section: displacements,
                 reactions and energy stay, and stresses grow.
-
     Raises StaticsError for a sheet that is not flat.
     """
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
@@ -148,17 +152,16 @@ UNRELIABLE = (
     "uncut sheet instead, or a sheet that is flat and loaded in its plane"
 )
 
-
 LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
-    "cut": "Loads are those of the cut sheet: its own weight, and what lies on coverings at the material nearest to it",
+    "cut": "Loads are those of the cut sheet: its own weight, and loads of coverings on the material nearest to them",
 }
-"""Explanation of the loads of each kind of model."""
+"""Sentence that explains the loads of each kind of model."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A model, its surface, and dsfab's own answers to its steps with the elements for verdicts."""
+    """A model, its surface, and dsfab's own results for the model's steps, with the elements that verdicts use."""
 
     model: CalculixModel
     surface: Surface
@@ -167,8 +170,9 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """Return the whole surface of a preset with a step for each case and combination. Elements are S6 shells, or CPS6
-    for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved.
+    """Return the model of a preset's whole surface, with a step for each case and combination. Elements are S6 shells,
+    or
+    CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved.
     """
     log = Log(progress)
     surface = surface_step(preset, log)
@@ -184,7 +188,7 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """Return the cut sheet of a design; its vertices carry the loads of the uncut surface (`sheet_load`)."""
+    """Return the model of a design's cut sheet; its vertices carry the loads of the uncut surface (`sheet_load`)."""
     sheet, preset = design.sheet, design.preset
     nothing = SpreadLoad.broadcast(sheet.surface)  # the vertices carry the spread loads
     acting = [
@@ -212,7 +216,8 @@ def _mode_lines(preset: Preset, setting: LoadedSurface, material: Sheet, progres
     lines += [f"Lowest natural frequency: {_ascii_estimate(modes.hertz, 'Hz')}"] if modes.hertz else []
     if lines:
         assumed = f"; {modes.assumed}" if modes.assumed else ""
-        lines.append(f"Both are of {len(modes.levels)} meshes, extrapolated{assumed}: no step of this file finds them")
+        meshes = f"Both values are extrapolated from {len(modes.levels)} meshes"
+        lines.append(f"{meshes}{assumed}: no step of this file computes them")
     return [*lines, *modes.refusals]
 
 
@@ -266,13 +271,12 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return displacements by the elements whose displacements equal those of six-node triangles."""
+    """Return displacements from elements that give the same displacements as six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")
-    return solve_cases(
-        SheetModel(surface, sheet.elastic, sheet.thickness), cases, pair, spreads=spreads, combinations=sums
-    )
+    model = SheetModel(surface, sheet.elastic, sheet.thickness)
+    return solve_cases(model, cases, pair, spreads=spreads, combinations=sums)
 
 
 def _support_lines(preset: Preset, model: CalculixModel) -> Iterator[str]:

@@ -29,15 +29,16 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]  # Function that receives the name of the next competitor.
+NameReport = Callable[[str], None]  # receives the name of the next competitor
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """The design against its competitors; a smaller compliance is stiffer. The loads are those that the pattern
-    follows. Several load cases add their compliances with the weights of [diffusion] (default 1). `task` is the common
-    input. `pattern` holds the measures of the design's pattern, unless its widths are scaled. `looked_at` holds
-    alternatives that do not compete.
+    """The design and its competitors; a smaller compliance is stiffer. The loads are those that the pattern follows.
+    The
+    compliances of several load cases are added, with the weights of [diffusion] (default 1).
+    task      : the common input.    pattern : measures of the design's pattern, unless its widths are scaled.
+    looked_at : alternatives that do not compete.
     """
 
     name: str
@@ -55,7 +56,7 @@ class Comparison:
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """Return the comparison with a quick look at the alternatives that are not competitors."""
+        """Return the comparison with a quick solve of the alternatives that are not competitors."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {rival.name for rival in self.rivals}]
         structure = self.design.structure
         return replace(self, looked_at=alternatives(self.task, structure, missing)) if structure and missing else self
@@ -71,26 +72,21 @@ class Comparison:
 
     def gain(self, name: str) -> float:
         """Return a competitor's compliance over the design's: above 1 the design is stiffer. The result is nan if
-        neither of both carries the loads.
+        neither of
+        the two carries the loads.
         """
         rival, design_compliance = self[name].compliance, self.design.compliance
-        return (
-            rival / design_compliance if np.isfinite(design_compliance) else 0.0 if np.isfinite(rival) else float("nan")
-        )
+        if np.isfinite(design_compliance):
+            return rival / design_compliance
+        return 0.0 if np.isfinite(rival) else float("nan")
 
     def __repr__(self) -> str:
         """Return a table: name, compliance, its ratio to the design's, and mass."""
-        rows = (
-            (
-                competitor.name,
-                f"{competitor.compliance:.4g} J",
-                f"{self.gain(competitor.name):.3g} x the design's",
-                mass(competitor.mass),
-            )
-            if np.isfinite(competitor.compliance)
-            else (competitor.name, "does not carry the loads", "", "")
-            for competitor in self.competitors
-        )
+        rows = []
+        for entry in self.competitors:
+            values = (f"{entry.compliance:.4g} J", f"{self.gain(entry.name):.3g} x the design's", mass(entry.mass))
+            carries = np.isfinite(entry.compliance)
+            rows.append((entry.name, *(values if carries else ("does not carry the loads", "", ""))))
         lost = losing_line(self.alternatives)
         head = f"{sentence(lost)}\n" if lost else ""
         return head + table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
@@ -113,13 +109,11 @@ def comparison(
     refuse: bool = True,
 ) -> Comparison:
     """Compare the compliance of the design's own cut sheet with competitors of the same mass.
-
     against : names of `BASELINES`.     judge : judge of the design and the full sheet; `quick` selects the best
               variants.
     rival_judge : judge of the competitors; default: `judge`.
     refuse  : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the
-              error. Competitors have the mass of the cut sheet; they are missing if the design cannot be cut.
-
+              error. Competitors have the mass of the cut sheet; a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
     Raises DsfabError for unknown names.
     """
@@ -146,7 +140,7 @@ def compare_at(
     report: NameReport | None = None,
 ) -> Comparison:
     """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share. If the design
-    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names and for a share that
+    does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or for a share that
     is not between 0 and 1.
     """
     rivals = baselines_by_name(against)
@@ -233,8 +227,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # Measured time of a full check; True: sheet in its plane.
-
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # measured time of a full check of a plane sheet, of another sheet
 
 Level = Literal["quick", "full"]
 
@@ -264,8 +257,8 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Judges of the design (all cases) and of its competitors. The reason says why the competitors get one solve only;
-    '' for a full check.
+    """Judges of the design (all cases) and of its competitors.
+    told : why the competitors get one solve only; '' for a full check.
     """
 
     own: Judge
@@ -277,12 +270,9 @@ def compare(
     design: Design, against: Iterable[str] = DEFAULT, level: Level | None = None, progress: Progress = silent
 ) -> Comparison:
     """Compare the compliance of the design's own cut sheet with competitors of the same mass, like `dsfab compare`.
-
     against : names of `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, and a tested error bound.
-              None:
-              full for the design, and for competitors if all checks take less than a minute.
-
+              None: full for the design, and for competitors if all checks take less than a minute.
     Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
     """
     names = tuple(against)
@@ -297,17 +287,19 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core; a third mesh takes four times as long
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, with two meshes
         if seconds > 60:
-            reason = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
+            reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
     depth = checks.level or "full"
     return Judges(checks.judge(depth, True), checks.judge(depth))
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return `full` for comparisons at many shares of one surface; whole sheets of equal thickness are judged once.
-    memory : bytes that the solver may take."""
+    """Return the judge `full` for comparisons at many shares of one surface; it judges whole sheets of equal thickness
+    once.
+    memory : bytes that the solver may take.
+    """
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 

@@ -1,4 +1,4 @@
-"""Fabrication limits: the smallest members, gaps and walls of a design, and a preset changed until they fit."""
+"""Fabrication limits: the smallest members, gaps and walls of a design, and changes of a preset to meet the limits."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -39,8 +39,8 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet with its area (m2), and the entries of surface.support and surface.load that act on it.
-    Entries have their number, from 1, and their name.
+    """A piece of the sheet with its area (m2), and the numbers of the supports and loads that act on it, from 1.
+    names : names of these supports and loads.
     """
 
     area: float
@@ -68,7 +68,7 @@ class FabricationMeasures:
 
 
 def fabrication(design: Design) -> FabricationMeasures:
-    """Measure the built sheet and solid of a design and compare them with the limits of its preset."""
+    """Measure the built sheet and solid of a design, and compare the measures with the limits of the preset."""
     cells = design.slicing.cells
     least = least_widths(design.resolved_preset, design.surface)
     sizes = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
@@ -92,9 +92,8 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return reasons, as clauses, why a design must not be exported without the user's consent. Reasons are loads that
-    nothing carries and a sheet thinned to a film. A workshop design also must not have members and openings that are
+    nothing carries, and a sheet thinned to a film. For a workshop design, they are also members and openings that are
     below their limit and below a millimetre.
-
     measured : measures of the design; None leaves out the reasons that need measures.
     """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
@@ -116,11 +115,14 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
     """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
-    measure : whether to measure a workshop design if `measured` is None."""
+    measure : whether to measure a workshop design if `measured` is None.
+    """
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
-        raise PatternError(f"{'; '.join(why)}. To have it as it is: --accept, or fabrication.accept = true")
+        raise PatternError(
+            f"{'; '.join(why)}. To export the design all the same: --accept, or fabrication.accept = true"
+        )
 
 
 def _limit_check(name: str, limit: float, feature: Feature | None, is_requested: bool = True) -> Check:
@@ -163,9 +165,9 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
     return [int(k) for k in np.unique(label[is_touched[design.sheet.surface.F].any(axis=1)])]
 
 
-ATTEMPTS = 8  # Limit on the number of changes; each change measures the whole design.
-MARGIN = 1.02  # Factor on a limit for the requested width, because slicing moves lines slightly.
-COARSER, COARSEST = 0.85, 0.6  # Largest and smallest factor on frequencies if no width helps.
+ATTEMPTS = 8  # limit on the number of changes, because after each change the whole design is measured
+MARGIN = 1.02  # factor from a limit to the requested width, because slicing moves lines slightly
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies if wider members do not suffice
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +182,9 @@ class FixedDesign:
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
     """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails. Members
     widen by pattern.width.min_width, and by the rim or the kept region if these are narrow. The key
-    pattern.width.min_gap fills gaps between two stripes of a family, slicing.min_opening fills gaps between families.
+    pattern.width.min_gap fills gaps between two stripes of a family; slicing.min_opening fills gaps between families.
     Later changes raise both keys and lower the frequencies. Each design starts from the stages of the previous design.
-    Raises PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.
+    Raises PatternError if another section must change (walls, bed), or if `ATTEMPTS` changes do not suffice.
     """
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
@@ -197,15 +199,12 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
             design = revise(design, with_overrides(design.preset, _fewer_stripes(design, measured)), progress)
         measured = fabrication(design)
     if measured.failed_checks:
-        failures = "; ".join(
-            f"{check.name} {_mm(check.limit[0])}: {_mm(check.value[0])}, {check.what}"
-            for check in measured.failed_checks
-        )
+        failed = measured.failed_checks
+        failures = "; ".join(f"{x.name} {_mm(x.limit[0])}: {_mm(x.value[0])}, {x.what}" for x in failed)
         fewer = "raise pattern.*.spacing" if design.pattern.even else "lower pattern.*.frequency, or choose other modes"
         raise PatternError(
-            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({failures}); "
-            "lower the "
-            f"limits, or {fewer}"
+            f"{ATTEMPTS} changes of widths and distances did not meet the limits of fabrication ({failures}); lower "
+            f"the limits, or {fewer}"
         )
     return FixedDesign(design, measured, _differences(original, design.preset))
 
@@ -214,12 +213,12 @@ def _refuse_unfixable(check: Check) -> None:
     if check.name == "min_wall":
         raise PatternError(
             f"the thinnest wall is {_mm(check.value[0])}, the limit fabrication.min_wall {_mm(check.limit[0])}: no "
-            "pattern changes that; raise statics.thickness"
+            "pattern makes walls thicker; raise statics.thickness"
         )
     if check.name == "bed":
         size, bed = (" x ".join(_mm(x) for x in values) for values in (check.value, check.limit))
         raise PatternError(
-            f"the solid is {size}, the bed of the machine {bed}: no pattern changes that; split it with "
+            f"the solid is {size}, the bed of the machine {bed}: no pattern makes it smaller; split it with "
             "[[thickening.extra]] kind = 'split', or raise fabrication.bed"
         )
 
@@ -264,7 +263,7 @@ def _wider_stripes(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised_value(value: float, check: Check) -> float:
-    """Return the limit, or more if the limit as a value gave a smaller width; at most 1.25 times the old value."""
+    """Return a larger width: the limit; or, if the limit was not enough, at most 1.25 times the old width."""
     limit = MARGIN * check.limit[0]
     if value < limit:
         return _four_digits(limit)
@@ -272,8 +271,7 @@ def _raised_value(value: float, check: Check) -> float:
 
 
 def _four_digits(value: float) -> float:
-    """Round to four digits, so that a user can copy the value into a preset."""
-    return float(f"{value:.4g}")
+    return float(f"{value:.4g}")  # a user can copy a short number into a preset
 
 
 def _differences(old: Preset, new: Preset) -> dict[str, tuple[Any, Any]]:

@@ -1,4 +1,4 @@
-"""Judges of structures: displacements and compliance by one solve, or on finer and finer meshes."""
+"""Judges of structures: they compute displacements and compliance by one solve, or on finer and finer meshes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -31,16 +31,15 @@ from dsfab.surface import LoadCase, Support, Surface
 @dataclass(frozen=True)
 class CaseResponse:
     """Response of a sheet to a load.
-
     compliance, displacement : joules, and metres with its place.
-    stress, tension, compression : Pa, of the finest solved mesh; see `dsfab.study.verdict.estimates`.
+    stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
     utilisation : stress over strength, as two values. The first holds for 99 % of the area. The second is the largest
                   at a rib's width from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None without a request or a result.
-    buckling_bound, frequency_bound : relative half width of their intervals, by two meshes or three; None for one mesh.
+    buckling_bound, frequency_bound : relative half width of their intervals, by two or three meshes; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
     """
@@ -66,7 +65,6 @@ class CaseResponse:
 @dataclass(frozen=True)
 class Judgement:
     """Result of a judge for a structure.
-
     compliance : joules, the weighted sum over the loads that the pattern follows.
     bound      : relative error bound, or None if the judge has none.
     verdict    : status of the bound (reliable or not); `reason` explains it.
@@ -89,12 +87,12 @@ class Judgement:
         return "full" if self.check else "quick"
 
     def worst(self, name: str) -> Extreme:
-        """Return the largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
+        """Return the largest `displacement`, `tension`, `compression` or `stress` of all cases."""
         extremes: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
         return max(extremes, key=lambda extreme: extreme.settled)
 
 
-Judge = Callable[[ComparisonTask, Structure], Judgement]  # Raises DsfabError for loads that are not carried.
+Judge = Callable[[ComparisonTask, Structure], Judgement]  # raises DsfabError if the structure does not carry its loads
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +106,8 @@ class AnsweredLoad:
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
     """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
-    StaticsError if the structure does not carry its loads; a concentrated load on a loose piece is not carried."""
+    StaticsError if the structure does not carry its loads, for instance a concentrated load on a loose piece.
+    """
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -125,21 +124,17 @@ def quick(
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
     within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar sheets; the result is
     not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
-
-    ask   : number of frequencies and load factors (the lowest is kept).
-    every : judge each case and combination, not only those that the pattern follows.
-
+    ask   : number of frequencies and load factors; only the lowest is computed.
+    every : whether to judge each case and combination, and not only those that the pattern follows.
     Raises StaticsError as `solved_loads` does.
     """
-    answers = solved_loads(task, structure, every)
-    cases = {
-        name: _case_response(task, structure, answered, ask or ResultRequest()) for name, answered in answers.items()
-    }
+    answers, request = solved_loads(task, structure, every), ask or ResultRequest()
+    cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
     typical, largest = estimates.QUICK_ERRORS
     text = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {largest:.0%}: no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        largest, text = (0.5, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out")
+        largest, text = (0.5, "one solve on the mesh of a whole sheet: its error was a third once, and may be larger")
     return Judgement(total, cases, bound=largest, reason=text)
 
 
@@ -178,7 +173,6 @@ def _point(x: Floats) -> tuple[float, float, float]:
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
-    """Return the reaction (N) of each support; supports that overlap share it equally."""
     supports = acting_on(task.preset, task.surface).support
     marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
     shares = marks / np.maximum(marks.sum(axis=0), 1)
@@ -186,7 +180,7 @@ def _reactions(
 
 
 def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return (n', 3) directions in which a support of the uncut surface holds its sheet, rigidly or on springs."""
+    """Return a mask (n', 3) of the directions in which a support holds the cut sheet, rigidly or by springs."""
     springs = sheet.vertices_between(surface, support.springs(surface) > 0)
     return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 
@@ -224,13 +218,11 @@ def full(
 ) -> Judgement:
     """Judge like `quick`, with compliance, buckling and frequency from finer meshes, and their bounds. The compliance
     is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from the finest mesh;
-    displacements and reactions stay those of the unrefined mesh. If the budget allows no solve, the results of `quick`
-    stay.
-
-    every : judge each case and combination. If the sheet does not carry a case that the pattern does not follow, the
-            verdict is `fail`.
+    displacements and reactions are those of the unrefined mesh. If the budget allows no solve, all results are those of
+    `quick`.
+    every : whether to judge each case and combination. If the sheet does not carry a case that the pattern does not
+            follow, the verdict is `fail`.
     ask   : as for `quick`.         budget : bytes.
-
     Raises StaticsError if the structure does not carry the loads that its pattern follows.
     """
     try:
@@ -238,7 +230,7 @@ def full(
     except StaticsError as error:
         if not every or set(task.all_loads) == set(task.loads):
             raise
-        text = f"it carries what its pattern follows, but not every load case: {error}"
+        text = f"the sheet carries the loads that its pattern follows, but not every load case: {error}"
         return replace(full(task, structure, ask, False, budget, progress), verdict="fail", reason=text)
     statics = task.preset.statics
     setting = LoadedSurface(task.surface, statics.sheet(structure.thickness), task.loads_on(structure, every))
@@ -247,10 +239,8 @@ def full(
         raise StaticsError(checked.reason)
     if ask and ask.modes:
         modes = mode_intervals(setting, structure.material, ask, budget, progress)
-        quick_judgement = replace(
-            quick_judgement,
-            cases={name: _with_modes(case, name, modes) for name, case in quick_judgement.cases.items()},
-        )
+        with_modes = {name: _with_modes(case, name, modes) for name, case in quick_judgement.cases.items()}
+        quick_judgement = replace(quick_judgement, cases=with_modes)
     if not checked.levels:
         return replace(quick_judgement, verdict="unknown", reason=f"{checked.reason}; {quick_judgement.reason}")
     finest, strength = checked.levels[-1], statics.strength
@@ -258,7 +248,10 @@ def full(
         name: _with_stress(case, finest.stresses[name], finest.triangles, strength)
         for name, case in quick_judgement.cases.items()
     }
-    value, bound, theory = _weighted_compliance(task, checked)
+    weighted = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
+    value = sum(weight * case.value for weight, case in weighted)
+    bound = sum(weight * case.value * case.bound for weight, case in weighted) / value
+    theory = sum(weight * case.value * case.theory for weight, case in weighted) / value
     judged = replace(quick_judgement, compliance=value, bound=bound, theory=theory, verdict=checked.status, cases=cases)
     return replace(judged, reason=checked.reason, check=checked)
 
@@ -285,10 +278,3 @@ def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResp
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
     )
-
-
-def _weighted_compliance(task: ComparisonTask, checked: Verdict) -> tuple[float, float, float]:
-    cases = [(weight, checked.case(name)) for name, weight in task.preset.followed_weights.items()]
-    value = sum(weight * case.value for weight, case in cases)
-    bound = sum(weight * case.value * case.bound for weight, case in cases) / value
-    return value, bound, sum(weight * case.value * case.theory for weight, case in cases) / value

@@ -10,7 +10,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.preset.file import parse_override
 from dsfab.preset.model import STAGES
 
-Values = dict[str, list[Any]]  # Dotted keys and their values.
+Values = dict[str, list[Any]]  # dotted keys and their values
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
@@ -26,7 +26,7 @@ def parse_variations(texts: Sequence[str]) -> Values:
                 "how many) or a list such as diffusion.r=1,10,100"
             )
         if key in variations:
-            raise DsfabError(f"--vary {key} is there twice; give all of its values at once")
+            raise DsfabError(f"--vary {key} appears twice; give all values of the key at once")
         variations[key] = _range(text, values) if ":" in values else _parsed_list(text, key, values)
     return variations
 
@@ -48,7 +48,7 @@ def _range(text: str, values: str) -> list[Any]:
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
     rounded = [float(f"{place:.4g}") for place in places]
     is_whole = "." not in low + high and "e" not in (low + high).lower()
-    return [int(x) if is_whole and x.is_integer() else x for x in rounded] if is_whole else list(rounded)
+    return [int(x) if is_whole and x.is_integer() else x for x in rounded]
 
 
 def _parsed_list(text: str, key: str, values: str) -> list[Any]:
@@ -57,7 +57,7 @@ def _parsed_list(text: str, key: str, values: str) -> list[Any]:
         raise DsfabError(f"--vary {text!r} has an empty value; write for instance diffusion.r=1,10,100")
     parsed = [parse_override(f"{key}={word}")[1] for word in words]
     if len({str(value) for value in parsed}) < len(parsed):
-        raise DsfabError(f"--vary {text!r} has a value twice; give each once")
+        raise DsfabError(f"--vary {text!r} has a value twice; give each value once")
     return parsed
 
 
@@ -67,25 +67,22 @@ def count(values: Values) -> int:
 
 
 def combinations(values: Values) -> Iterator[dict[str, Any]]:
-    """Yield every combination, the last key running fastest."""
+    """Yield every combination of the values; the value of the last key changes most often."""
     return (dict(zip(values, chosen, strict=True)) for chosen in product(*values.values()))
 
 
 def stage_of(key: str) -> int:
-    """Return the place of a key's stage in `STAGES`; a key without a stage gets the last place."""
+    """Return the position of a key's stage in `STAGES`; a key without a stage has the position after the last."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def best_order(values: Values) -> list[int]:
-    """Return indices of the combinations in an order that shares solves: keys of early stages vary slowest."""
+    """Return indices of the combinations in an order that shares solves: keys of early stages change least often."""
     keys = sorted(values, key=stage_of)
     places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
-    all_of_them = list(combinations(values))
-    return sorted(
-        range(len(all_of_them)),
-        key=lambda index: [place[str(all_of_them[index][key])] for key, place in zip(keys, places, strict=True)],
-    )
+    ranks = [[place[str(x[key])] for key, place in zip(keys, places, strict=True)] for x in combinations(values)]
+    return sorted(range(len(ranks)), key=ranks.__getitem__)
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
@@ -110,7 +107,8 @@ def short_names(keys: Sequence[str]) -> dict[str, str]:
     for key in keys:
         words = key.split(".")
         endings = (".".join(words[i:]) for i in reversed(range(len(words))))
+        others = [f".{other}" for other in keys if other != key]
         names[key] = next(
-            end for end in endings if end == key or not any(o != key and f".{o}".endswith(f".{end}") for o in keys)
+            end for end in endings if not any(other.endswith(f".{end}") for other in others) or end == key
         )
     return names

@@ -1,7 +1,7 @@
 """Workshop: members as flat parts to cut from sheets, with bolts, splices and names, nested on the stock.
 
 plan          the whole plan: `workshop_plan`           files      drawings and cut lists
-development   strips rolled out into the plane          layers     height of each family over the surface
+development   strips developed into the plane           layers     height of each family over the surface
 strips        parts and limits of strips                splices    divisions of long strips
 plates        discs, and flat designs in pieces         parts      flat parts and engraved letters
 card_models   models in card                            ground     feet and base plates of models

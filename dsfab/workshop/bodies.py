@@ -20,7 +20,7 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """Part of a member in space, station by station.
+    """Part of a member, bent back into space, at k stations.
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
     holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
     """
@@ -36,7 +36,7 @@ class RefoldedStrip:
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
     """Strips or planks of a plan in space, and the deviations (h,) of their joints (m). A deviation is the distance of
-    a hole from the line of its bolt, or of the two slots at a node from each other.
+    a hole from the line of its bolt, or the distance between the two slots at a node.
     """
 
     strips: tuple[RefoldedStrip, ...]
@@ -45,7 +45,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded_plan(plan: WorkshopPlan) -> RefoldedPlan:
-    """Return the strips or planks of a full-size plan in space; flat sheets and plates are left out."""
+    """Return the strips or planks of a full-size plan in space, without flat sheets and plates."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -82,9 +82,8 @@ def _refolded_strip(part: FlatPart, layer: Development) -> RefoldedStrip:
     places, aside = _line_coordinates(part.axis, along, holes)
     Q, _, C, _ = layer.frame(np.interp(places, layer.length, course.s))
     edges = P[:, None] + y[..., None] * B[:, None]
-    return RefoldedStrip(
-        part.id, part.member, edges, N, Q + aside[:, None] * C, tuple(hole.bolt for hole in part.holes)
-    )
+    bolts = tuple(hole.bolt for hole in part.holes)
+    return RefoldedStrip(part.id, part.member, edges, N, Q + aside[:, None] * C, bolts)
 
 
 def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
@@ -110,7 +109,6 @@ def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
 
 
 def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
-    """Return a plank from its outline with slots: the lowest and highest point at each place along it."""
     layer = Development(course, part.layer)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
@@ -118,7 +116,7 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     left_start = int((y > y.max() / 2).argmax())
     right_edge, left_edge = (places[:left_start], y[:left_start]), (places[left_start:][::-1], y[left_start:][::-1])
     chains = [_with_ends(right_edge, left_edge), _with_ends(left_edge, right_edge)]
-    # walls of slots are 1e-7 m long, so that the plank has one depth at every place
+    # the sides of a slot lean by 1e-7 m, so that the plank has a single depth at each place along it
     steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
@@ -133,15 +131,11 @@ def _refolded_plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(edge: tuple[Floats, Floats], opposite: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge (lengths, distances to the left). At oblique cuts it reaches as far as the opposite edge."""
+    """Return an edge (lengths, distances to the left), extended at oblique cuts to the ends of the opposite edge."""
     (places, y), (opposite_places, z) = edge, opposite
-    before, after = (
-        slice(0, int(opposite_places[0] < places[0])),
-        slice(len(opposite_places) - int(opposite_places[-1] > places[-1]), len(opposite_places)),
-    )
-    return np.concatenate([opposite_places[before], places, opposite_places[after]]), np.concatenate(
-        [z[before], y, z[after]]
-    )
+    before, after = int(opposite_places[0] < places[0]), len(z) - int(opposite_places[-1] > places[-1])
+    lengths = np.concatenate([opposite_places[:before], places, opposite_places[after:]])
+    return lengths, np.concatenate([z[:before], y, z[after:]])
 
 
 def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
@@ -161,7 +155,6 @@ def _line_coordinates(axis: Floats, along: Floats, places: Floats, beyond: bool 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
     """Return the built members of a plan, in the order of the design's shapes (m).
-
     shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
     shift  : height of the middle between both skins over the surface, in half thicknesses.
     Strips, planks and cover plates are bent back from flat parts; plates have the stock's thickness. Bars have no

@@ -1,16 +1,15 @@
 """Models in card: their scale and limits, and panels with tabs.
 
 ══════════╗╔══════════   a continuous member
-     ─────╢╟─────        crossing members end at its edges; a tab of each is glued beneath it
+     ─────╢╟─────        crossing members end at the edges of the continuous member, each with a tab glued beneath it
 ══════════╝╚══════════
 
-Edges and kept regions are continuous; at crossings of stripes the major family is. Panels are developed without an
-offset.
+Edges and kept regions are continuous; where stripes cross, the major family is continuous. Panels lie in the surface.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 
@@ -27,11 +26,9 @@ from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import MESH_TOLERANCE, StripLimits, bending_strain, is_strip, letter_height
 
 CREASE_STRAIN = 0.01
-"""Strain at which greyboard creases: a bending radius of 50 thicknesses. A rule of thumb; thin card takes more."""
-NARROWEST = 0.002
-"""Least width of card strips (m); a laser tears narrower strips at holes and burns through them."""
-MODEL_LETTERS = (0.003, 0.002)
-"""Largest heights of part names and of node names (m)."""
+"""Strain at which greyboard creases, a rule of thumb: a bending radius of 50 thicknesses. Thin card can bear more."""
+NARROWEST = 0.002  # least width of card strips (m); a laser tears narrower strips at holes and burns through them
+MODEL_LETTERS = (0.003, 0.002)  # largest heights of part names and of node names (m)
 
 
 def scaled_surface(surface: Surface, scale: float) -> Surface:
@@ -40,10 +37,12 @@ def scaled_surface(surface: Surface, scale: float) -> Surface:
 
 
 def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
-    """Return members and nodes at 1 : scale: lengths shrink, curvatures grow, names stay."""
+    """Return members and nodes at 1 : scale; lengths shrink, curvatures grow, and names do not change."""
     sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
     members = tuple(_scaled_member(member, scale) for member in graph.members)
-    return replace(graph, sheet=sheet, members=members, nodes=tuple(_scaled_node(node, scale) for node in graph.nodes))
+    nodes = [replace(n, point=n.point / scale, area=n.area / scale**2) for n in graph.nodes]
+    nodes = [replace(node, at=(node.at[0] / scale, node.at[1] / scale)) for node in nodes]
+    return replace(graph, sheet=sheet, members=members, nodes=tuple(nodes))
 
 
 def _scaled_member(member: Member, scale: float) -> Member:
@@ -54,37 +53,30 @@ def _scaled_member(member: Member, scale: float) -> Member:
     return replace(member, area=member.area / scale**2, axis=axis, sides=member.sides / scale)
 
 
-def _scaled_node(node: Node, scale: float) -> Node:
-    stations = node.at[0] / scale, node.at[1] / scale
-    return replace(node, at=stations, point=node.point / scale, area=node.area / scale**2)
-
-
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
     """Return notes on a graph at model size with pins (m): bending of card, narrow members and coarse meshes."""
     notes = []
-    bending_text = (
-        f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
-    )
+    card = f"card of {length(limits.thickness)}"
+    bending_text = f"{card} bends to a strain of {limits.bending:.2%} ({limits.member} most)"
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
     if limits.bending > CREASE_STRAIN:
         notes.append(
-            f"NOT WITHOUT CREASES: {bending_text}, and greyboard creases at some {CREASE_STRAIN:.0%}: set "
-            "--thickness to "
-            f"{MM_PER_M * thinner:g}mm or less, or build a larger model"
+            f"NOT WITHOUT CREASES: {bending_text}, and greyboard creases at about {CREASE_STRAIN:.0%}: set "
+            f"--thickness to {MM_PER_M * thinner:g}mm or less, or build a larger model"
         )
     else:
-        notes.append(f"{bending_text}; greyboard creases at some {CREASE_STRAIN:.0%}")
+        notes.append(f"{bending_text}; greyboard creases at about {CREASE_STRAIN:.0%}")
     narrow = sorted((member for member in graph.members if is_strip(member)), key=lambda member: member.mean_width)
     narrow = [member for member in narrow if member.mean_width < NARROWEST]
     if narrow:
         least = narrow[0].mean_width
         larger = _rounded_scale(scale * least / NARROWEST)
         notes.append(
-            f"TOO NARROW: {len(narrow)} of the members are narrower than the {length(NARROWEST)} that card holds "
-            f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
-            f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
+            f"TOO NARROW: {len(narrow)} of the members are narrower than {length(NARROWEST)} and would tear "
+            f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
+            f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # metres: a coarse mesh may move holes of a model this far from their nodes
+    fit = 1e-4  # metres: allowed distance of a hole from its node, because of a coarse mesh
     wanted_edge = limits.wanted_edge * np.sqrt(fit / (MESH_TOLERANCE * bolt)) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
@@ -95,7 +87,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
-    """Return squares of card, with a hole, for nodes with empty layers between their members."""
+    """Return squares of card with a hole, which fill the empty layers between the two members of a node."""
     families = {member.id: member.family for member in graph.members}
     squares = []
     for node in graph.nodes:
@@ -111,21 +103,20 @@ def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
 
 
 def _rounded_scale(limit: float) -> float:
-    """Return the largest usual scale number up to `limit`; for a limit below 1, round the limit down."""
     usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
     return max((scale for scale in usual if scale <= limit), default=float(np.floor(10 * limit) / 10))
 
 
 THROUGH_ORDER = ("keep", "rim", "major", "minor")
-"""Families in order of continuity: at a crossing the earlier family is continuous."""
-ROOT_SHARE, TIP_SHARE = 0.8, 0.6
-"""Widths of a tab at its base and at its tip, over the width of its panel."""
+"""Families in order of continuity: where two families cross, the first of them is continuous."""
+ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
 TAB_GAP_SHARE = 0.15
-"""Distance from a tab to the middle of the member above it, over half the member's width; the opposite tab needs the
-rest.
+"""Distance from a tab to the middle of the member above, over half the width of this member; the opposite tab has the
+rest
+of the half.
 """
 SHARP_SINE = float(np.sin(np.radians(25.0)))
-"""Sine of the smallest angle at which a member is cut at its neighbour; at sharper angles it lies on the neighbour."""
+"""Sine of the least angle at which a member is cut at its neighbour; a sharper member is glued on the neighbour."""
 
 
 @dataclass
@@ -144,24 +135,18 @@ class PanelParts:
     @property
     def lines(self) -> list[str]:
         """Sentences on the panels."""
-        sentences = [
-            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: edges go through all others, then family A"
-        ]
+        sentences = [f"{len(self.parts)} panels in one skin with {self.tabs} tabs: edges are continuous, then family A"]
         if self.sharp:
-            where = names_and_count(self.sharp)
-            sentences.append(f"members meet at under 25 degrees at {where}: there one is glued on the other")
+            nodes = names_and_count(self.sharp)
+            sentences.append(f"members meet at under 25 degrees at {nodes}: glue one of the two members on the other")
         if self.covered:
-            sentences.append(
-                f"{self.covered} bays are too short for a panel: what goes through at both ends covers them"
-            )
+            sentences.append(f"{self.covered} bays are too short for a panel: the members at both ends cover them")
         return sentences
 
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether the member is
-    continuous.
-    """
+    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it is continuous."""
 
     name: str
     s: float
@@ -226,8 +211,7 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.
-    foot : a tab into the base plate.
+    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.    foot : a tab into the base plate.
     """
 
     right: float
@@ -310,13 +294,10 @@ class _MemberPanels:
         room: list[tuple[float, float]],
     ) -> list[tuple[_PanelEnd, _PanelEnd]]:
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
-        fits, reach = strip_fits(layer, room), 1.2 * self.member.mean_width
-
-        def fits_with_tabs(a: float, b: float) -> bool:
-            return fits(a - reach, b + reach)
-
+        fits, width = strip_fits(layer, room), self.member.mean_width
         stations = np.array([edge.s for edge in under if begin < edge.s < end])
-        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, fits_with_tabs).stations[1:-1]
+        tabs = 1.2 * width  # each end needs this length for a tab (m)
+        cuts = splice_cuts((begin, end), stations, 1.5 * width, lambda a, b: fits(a - tabs, b + tabs)).stations[1:-1]
         spliced_ends = [ends[0], *(self._splice_end(cut) for cut in cuts), ends[1]]
         begins = [ends[0], *(_PanelEnd(cut, cut) for cut in cuts)]
         return list(zip(begins, spliced_ends[1:], strict=True))
@@ -344,12 +325,10 @@ class _MemberPanels:
         ticks, share = list[Floats](), 0.25  # share: length of a tick over the width
         for edge in under:
             right_width, left_width = self._sides(edge.s)
-            for y in (
-                np.array([-right_width, -right_width + 2 * share * right_width]),
-                np.array([left_width - 2 * share * left_width, left_width]),
-            ):
-                for side in (1, -1):
-                    s = edge.stations(side, edge.half, y)
-                    if span[0] < s.min() and s.max() < span[1]:
-                        ticks.append(layer.to_plane(s, y))
+            right = np.array([-right_width, -right_width + 2 * share * right_width])
+            left = np.array([left_width - 2 * share * left_width, left_width])
+            for y, side in product((right, left), (1, -1)):
+                s = edge.stations(side, edge.half, y)
+                if span[0] < s.min() and s.max() < span[1]:
+                    ticks.append(layer.to_plane(s, y))
         return ticks

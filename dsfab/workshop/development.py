@@ -1,4 +1,4 @@
-"""Development of members: axes and edges laid open, and strips rolled out into the plane.
+"""Development of members: axes with their edges, and strips developed into the plane.
 
 A curve P + h N lies at a height h along the normals N of the axis. Its lengths, its turn phi against the axis, and its
 bending kg_h in the surface are
@@ -15,20 +15,17 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d, median_filter
 
 from dsfab.core.arrays import Bools, Floats, cross, lock
-from dsfab.members import Member, MemberAxis, MemberGraph, Node
+from dsfab.members import Member, MemberAxis, MemberGraph
 
-PARALLEL_SHARE = 0.05
-"""Relative change of width below which edges count as parallel."""
-OBLIQUE_WIDTHS = 1.5
-"""Length at each end of a member, over its width, in which the cells do not show the width."""
-EXTENSION_STATIONS = 16
-"""Number of stations beyond each end of an axis."""
+PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
+OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts hide the width
+EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
     """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
-    s     : (k,) arc length; on a closed axis it passes the axis length at the beginning.
+    s     : (k,) arc length; on a closed axis, stations go round more than once.
     P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
     left, right : (k,) distances from the axis to the edges of the member (m).
     begin, end : arc lengths of the built part.    closed : whether both ends are at the same place.
@@ -70,9 +67,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths (3q,) shifted by a round backwards, by none and by a round forwards; (q,) on an open
-        course.
-        """
+        """Return arc lengths (q,) of an open course; of a closed course (3q,), also one round before and one after."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -81,7 +76,7 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return the arc length of the same place between `begin` and `end`."""
+        """Return the arc length of the same place of a closed course that lies between `begin` and `end`."""
         if not self.closed:
             return s
         length = self.end - self.begin
@@ -97,19 +92,16 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
     axis = member.axis
     assert axis is not None
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
-    node_places = node_stations(member, graph.nodes_along[member.id])
+    node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
     if axis.closed:
         return _course_of_ring(axis, left_edge, right_edge, node_places, extra_length)
     before = overhang - float(node_places[0]) if len(node_places) and node_places[0] < overhang else 0.0
-    after = (
-        overhang - (axis.length - float(node_places[-1]))
-        if len(node_places) and axis.length - node_places[-1] < overhang
-        else 0.0
-    )
+    last = axis.length - float(node_places[-1]) if len(node_places) else overhang
+    after = overhang - last if last < overhang else 0.0
     begin, end = uncurled_span(member)
     parts = [_extension(axis, 0, -(before + extra_length)), axis, _extension(axis, -1, after + extra_length)]
-    rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("s", "P", "T", "N")}
-    rows |= {name: np.concatenate([getattr(part, name) for part in parts]) for name in ("kg", "kn", "tg")}
+    names = ("s", "P", "T", "N", "kg", "kn", "tg")
+    rows = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
     pad = (EXTENSION_STATIONS, EXTENSION_STATIONS)
     return StripCourse(
         **rows,
@@ -122,13 +114,13 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return (k,) whether the axis turns about a point within, or almost within, the member's width."""
+    """Return a mask (k,) of the stations where the axis turns about a point within, or almost within, the width."""
     assert member.axis is not None
     return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths between which the ends of a member do not curl up, as at a divided sharp turn."""
+    """Return the arc lengths between which the ends of a member do not curl up, as they do at a divided sharp turn."""
     axis = member.axis
     assert axis is not None
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
@@ -140,14 +132,9 @@ def uncurled_span(member: Member) -> tuple[float, float]:
     return begin, float(axis.s[tail[0] - 1]) if len(tail) else axis.length
 
 
-def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
-    """Return ascending arc lengths (q,) of the nodes on a member."""
-    return np.array([node.at[node.members.index(member.id)] for node in nodes])
-
-
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-    Edges become parallel to the axis if only noise separates them from it; the remaining edges are smoothed.
+    Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed.
     """
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
@@ -165,7 +152,6 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Return sides (k, 2) without the effect of oblique cuts within `OBLIQUE_WIDTHS` widths of the ends."""
     past = min(OBLIQUE_WIDTHS * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)
@@ -213,14 +199,13 @@ def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
     )
 
 
-CHORD_TOLERANCE = 2e-5
-"""Largest distance between an outline's chord and its arc (m)."""
+CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its arc (m)
 
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """Course at a height h along its normals (m), and its plane development x (k, 2), which begins at the origin
-    along +x.
+    """Plane development of a course at a height h along its normals (m). The development x (k, 2) begins at the origin
+    along +x; k counts the stations of the course.
     """
 
     course: StripCourse
@@ -228,33 +213,34 @@ class Development:
 
     @cached_property
     def length_ratio(self) -> Floats:
-        """(k,) length ratio ds_h / ds."""
+        """Length ratio ds_h / ds (k,)."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
     @cached_property
     def turn(self) -> Floats:
-        """(k,) phi (radians)."""
+        """Angle phi (k,) between the layer's line and the axis (radians)."""
         c, h = self.course, self.height
         return np.asarray(np.arctan2(-h * c.tg, 1 - h * c.kn))
 
     @cached_property
     def length(self) -> Floats:
-        """(k,) arc length of the layer's middle line (m)."""
+        """Arc length (k,) of the layer's middle line (m)."""
         steps = (self.length_ratio[1:] + self.length_ratio[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
     def angle(self) -> Floats:
-        """(k,) tangent angle of the developed line (radians): the integral of kg ds, plus the change of phi."""
+        """Tangent angle (k,) of the developed line (radians): the integral of kg ds, plus the change of phi."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
 
     @cached_property
     def x(self) -> Floats:
-        """(k, 2) developed middle line, a circular arc between stations."""
-        return np.concatenate([np.zeros((1, 2)), np.cumsum(_arcs(np.diff(self.length), self.angle), axis=0)])
+        """Developed middle line (k, 2), a circular arc between stations."""
+        arcs = _chords(np.diff(self.length), self.angle[:-1], self.angle[1:])
+        return np.concatenate([np.zeros((1, 2)), np.cumsum(arcs, axis=0)])
 
     def middle_line_at(self, s: Floats) -> tuple[Floats, Floats]:
         """Return places (q, 2) and angles (q,) of the developed middle line at arc lengths s (q,) of the course."""
@@ -281,7 +267,7 @@ class Development:
         arc length of the course close to `s`, and the distance to the left (m).
         """
         y = 0.0
-        for _ in range(4):  # Newton steps
+        for _ in range(4):  # these are Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
             pierced = point + normal * ((P - point) @ N) / (normal @ N)
             y = float((pierced - P) @ B)
@@ -295,7 +281,7 @@ class Development:
         """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.middle_line_at(s)  # once for both edges, because many lengths are tried
+        x, angle = self.middle_line_at(s)  # serves both edges, because this function is called many times
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 
@@ -310,13 +296,9 @@ class Development:
         return float(np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9))
 
     def _bend(self, s: float) -> float:
-        """Return kg_h ds_h / ds at s (1/m)."""
+        """Return kg_h ds_h / ds at an arc length (1/m)."""
         i = int(np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2))
         return float((self.angle[i + 1] - self.angle[i]) / (self.course.s[i + 1] - self.course.s[i]))
-
-
-def _arcs(steps: Floats, angle: Floats) -> Floats:
-    return _chords(steps, angle[:-1], angle[1:])
 
 
 def _chords(step: Floats, begin: Floats, end: Floats) -> Floats:

@@ -27,8 +27,7 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-TITLE, SMALL_TITLE = 0.06, 0.06
-"""Height of a sheet's title (m), and for small sheets its share of their width."""
+TITLE, SMALL_TITLE = 0.06, 0.06  # height of a sheet's title (m), and for small sheets its share of their width
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
@@ -38,7 +37,7 @@ def part_drawing(part: FlatPart) -> FlatDrawing:
 
 
 def file_stem(part: str) -> str:
-    """Return the file stem of a part's name."""
+    """Return a file name without suffix for a part's name."""
     return part.replace(" ", "_").replace("/", "_")
 
 
@@ -61,12 +60,12 @@ def part_lines(part: FlatPart) -> Iterator[FlatLine]:
 
 
 def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
-    """Return the holes of a part."""
+    """Return the circles of a part's holes."""
     return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
 
 
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
-    """Return all sheets of a plan in rows from left to right, each with its number above it."""
+    """Return the drawing of all sheets of a plan in rows from left to right, each with its number above it."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
     pitch = 1.15  # distance from sheet to sheet, over the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
@@ -81,7 +80,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # computed before the part moves, once for all drawings
+            _ = nested.part.contours  # moved parts keep contours that were computed before
             part = nested.placed_part.moved_by(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
@@ -97,13 +96,12 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 
 
 Cell = str | int | float
-FIXED_DATE = datetime(1980, 1, 1)
-"""Date in every workbook, so that equal plans have equal bytes."""
+FIXED_DATE = datetime(1980, 1, 1)  # date in every workbook, so that equal plans have equal bytes
 
 
 @dataclass(frozen=True)
 class PlanTable:
-    """Named table with a head and rows."""
+    """Named table with the names of its columns, and its rows."""
 
     name: str
     head: tuple[str, ...]
@@ -133,7 +131,9 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part by name: its area share of the sheet's price; empty without prices."""
+    """Return the cost of each part by name: the sheet's price, shared by the areas of its parts; empty without
+    prices.
+    """
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]
@@ -307,7 +307,8 @@ def _outdated_files(target: Path, partial: Path) -> set[str]:
     except (OSError, ValueError, KeyError, AttributeError):
         return set()
     names = {name for name in named if name == Path(name).name} if None not in named else set()
-    return (set(_with_svg(names)) | _old_bar_list(target)) - {path.name for path in partial.iterdir()}
+    pictures = {Path(name).with_suffix(".svg").name for name in names}
+    return (names | pictures | _old_bar_list(target)) - {path.name for path in partial.iterdir()}
 
 
 def _old_bar_list(target: Path) -> set[str]:
@@ -316,9 +317,3 @@ def _old_bar_list(target: Path) -> set[str]:
             return {BARS} if file.readline().startswith("bar,from,to,") else set()
     except (OSError, ValueError):
         return set()
-
-
-def _with_svg(names: set[str]) -> Iterator[str]:
-    for name in names:
-        yield name
-        yield Path(name).with_suffix(".svg").name

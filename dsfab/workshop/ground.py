@@ -5,7 +5,6 @@ layer   ║ ║         shoulders stand on the plate, which is as thick as the c
      ▒▒▒▒│▒│▒▒▒     plate
 """
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
 
@@ -19,8 +18,7 @@ from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
 STEEP_SINE = np.sin(np.radians(25.0))
-"""Sine of the smallest slope of a strip that stands on the plate; a flatter strip is glued on the plate, without a tab.
-"""
+"""Sine of the least slope of a strip with a tab in the plate; a flatter strip has no tab and is glued on the plate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,7 +26,7 @@ class StripFoot:
     """End of a layer on the base plate, by arc lengths of its course.
     shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
     sides     : (4,) distances of the shoulders to the left of the axis (m).
-    tips      : (2,) end of the tab, right and left.    at_end : whether the foot is at the end of the course.
+    tips      : (2,) arc lengths of the tab's end, right and left.    at_end : whether the foot is at the course's end.
     slot      : (4, 2) corners of its slot in the plate (m).
     """
 
@@ -84,16 +82,8 @@ class BasePlane:
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
-    def is_supported(self, point: Floats, width: float) -> bool:
-        """Return whether an end (3,) of a strip is at a support and close to the plate."""
-        limit = self.reach + width
-        distance = float(np.asarray(cKDTree(self.supports).query(point)[0]))
-        return distance < limit and abs(float(self.heights(point[None])[0])) < limit
-
     def support_height(self, point: Floats, width: float) -> float | None:
-        """Return the height over the plate of the support nearest to an end (3,) of a strip (m); None without a
-        near support.
-        """
+        """Return the height over the plate (m) of the support nearest to a strip's end (3,); None if it is far away."""
         distance, k = cKDTree(self.supports).query(point)
         is_near = float(distance) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if is_near else None
@@ -106,7 +96,10 @@ class BasePlane:
         for at_end in (False, True):
             s = course.end if at_end else course.begin
             p = course.frame_at(np.array([s]))[0][0]
-            if self.is_supported(p, float(course.width(np.array([s]))[0])) and (foot := self._foot(layer, s, at_end)):
+            limit = self.reach + float(course.width(np.array([s]))[0])
+            away = float(np.asarray(cKDTree(self.supports).query(p)[0]))
+            is_near = max(away, abs(float(self.heights(p[None])[0]))) < limit
+            if is_near and (foot := self._foot(layer, s, at_end)):
                 feet.append(foot)
                 middle = float(foot.shoulders[1:3].mean())
                 course = replace(course, end=middle) if at_end else replace(course, begin=middle)
@@ -119,10 +112,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (
-            (left_width - right_width) / 2,
-            0.6 * (left_width + right_width) / 2,
-        )  # the tab takes 0.6 of the width of the strip
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # a tab has 0.6 of it
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -133,7 +123,7 @@ class BasePlane:
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
         """Return arc lengths (q,) near `station` at which lines at sides (q,) have a height over the plate, or None."""
         s, course = np.full(len(sides), station), layer.course
-        for _ in range(20):  # Newton steps: strips are almost straight near the plate
+        for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
             slope = (T @ self.up) * np.interp(s, course.s, layer.length_ratio)
             excess = self.heights(P + sides[:, None] * B) - height
@@ -149,9 +139,8 @@ class BasePlane:
         ends = P + sides[:, None] * across
         half = self.thickness / 2  # the strip is as thick as the plate
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
-        corners = np.concatenate(
-            [corners - ((self.heights(corners) - z) / (down @ self.up))[:, None] * down for z in (0.0, -self.thickness)]
-        )
+        drops = [(self.heights(corners) - z) / (down @ self.up) for z in (0.0, -self.thickness)]
+        corners = np.concatenate([corners - drop[:, None] * down for drop in drops])
         flat, direction = self.plan_view(corners), self.plan_view(B[None])[0]
         direction = direction / np.linalg.norm(direction)
         axes = np.array([direction, [-direction[1], direction[0]]])
@@ -167,7 +156,7 @@ class BasePlane:
         for side, rise in ((course.left, slope), (course.right, -slope)):
             falls = rise < -1e-9
             limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
-            least = 0.2 * (course.left + course.right) - side  # a strip keeps a fifth of its width
+            least = 0.2 * (course.left + course.right) - side  # at least a fifth of the width stays
             sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
@@ -192,17 +181,11 @@ def outline_with_feet(layer: Development, span: tuple[float, float], feet: tuple
         right_edge[0], left_edge[-1] = begin.sides[0], begin.sides[3]
     if end:
         right_edge[-1], left_edge[0] = end.sides[0], end.sides[3]
-    loop = [layer.to_plane(s, right_edge), *_caps(end, layer), layer.to_plane(t, left_edge), *_caps(begin, layer)]
-    return np.concatenate(loop)
+    end_cap, begin_cap = ([foot.cap(layer)[1:-1]] if foot else [] for foot in (end, begin))
+    return np.concatenate([layer.to_plane(s, right_edge), *end_cap, layer.to_plane(t, left_edge), *begin_cap])
 
 
-def _caps(foot: StripFoot | None, layer: Development) -> Iterator[Floats]:
-    if foot is not None:
-        yield foot.cap(layer)[1:-1]
-
-
-NAME_HEIGHT = 0.002
-"""Height of names beside slots (m)."""
+NAME_HEIGHT = 0.002  # height of names beside slots (m)
 NO_FEET_NOTE = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
 
@@ -229,7 +212,8 @@ def base_parts(
         name = "base" if nx * ny == 1 else f"base {i + 1}-{j + 1}"
         outline = np.array([[box[x, 0], box[y, 1]] for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))])
         inside = [clipped for slot in slots if len(clipped := clipped_polygon(slot, box)) > 2]
-        marks = [*_lines_inside(engraved, box), *label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)]
+        lines = [line for line in engraved if ((line >= box[0]) & (line <= box[1])).all(axis=1).all()]
+        marks = [*lines, *label(name, box.mean(axis=0), 0.0, 3 * NAME_HEIGHT)]
         plates.append(FlatPart(name, "", (0.0, 0.0), outline, slots=tuple(inside), marks=tuple(marks)))
     return plates
 
@@ -248,10 +232,6 @@ def clipped_polygon(P: Floats, box: Floats) -> Floats:
                 corners.append(P[k])
         P = np.array(corners).reshape(-1, 2)
     return P
-
-
-def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
-    return [line for line in lines if ((line >= box[0]) & (line <= box[1])).all(axis=1).all()]
 
 
 def _support_marks(ground: BasePlane, surface: Surface) -> list[Floats]:
@@ -278,7 +258,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(direction))
         direction = direction / deep * (1 if direction @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # the name is readable from below
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # no name is upside down
         lines += label(name, middle + (deep / 2 + 0.002 + NAME_HEIGHT / 2) * direction, angle, NAME_HEIGHT)
     return lines
 
@@ -289,7 +269,7 @@ def base_notes(ground: BasePlane, feet: list[tuple[str, StripFoot]], plates: lis
     notes = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET_NOTE]
     highest = float(ground.heights(ground.supports).max())
     if highest > ground.reach:
-        notes.append(f"some supports are up to {length(highest)} above the base plate: prop what ends there")
+        notes.append(f"some supports are up to {length(highest)} above the base plate: prop the strips that end there")
     if len(plates) > 1:
         notes.append(f"the base plate is in {len(plates)} pieces, butted: glue them on a board")
     return notes

@@ -1,7 +1,7 @@
 r"""Layers of strips: the height of each family over the surface, and strip ends that collide within a layer.
 
  \ | /        three strips of one layer are too close at their ends:
-──┼─┼─┼──     every second one stops at its last node before the collision
+──┼─┼─┼──     every second strip stops at its last node before the collision
   | | |
 """
 
@@ -19,10 +19,8 @@ from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS
 
 FAMILIES_BELOW = ("rim", "keep")
 """Families that cross both families of stripes and have layers of their own, below all layers of stripes."""
-END_DISTANCE = 3.0
-"""Distance from a bolt to the end of a part, over the bolt diameter."""
-BOLT_PITCH = 4.0
-"""Distance between bolts of a splice, over the bolt diameter."""
+END_DISTANCE = 3.0  # distance from a bolt to the end of a part, over the bolt diameter
+BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
 
 
 @dataclass(frozen=True)
@@ -33,8 +31,7 @@ class Layering:
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips
-
-    families_below : families of `FAMILIES_BELOW` that have layers; a model leaves out the absent families.
+    families_below : families of `FAMILIES_BELOW` that have layers; a model has no layer for an absent family.
     letters : largest heights of part names and of node names (m).
     """
 
@@ -52,12 +49,12 @@ class Layering:
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True if node names are omitted where they have no room, as on models."""
+        """True if node names without room are omitted, as on models."""
         return self.letters[0] < PART_LETTERS
 
     @property
     def plate_layer(self) -> int:
-        """Layer of plates, below all others."""
+        """Layer of plates, below all strips."""
         return self.count + len(self.families_below)
 
     def layer_height(self, number: int) -> float:
@@ -88,7 +85,7 @@ class Layering:
 
 @dataclass(frozen=True, eq=False)
 class _StripEnd:
-    """First or last end of a strip: places (k, 3) inwards from it, with arc lengths (k,)."""
+    """First or last end of a strip: places (k, 3) from the end inwards, with arc lengths (k,)."""
 
     name: str
     at_end: bool
@@ -105,7 +102,7 @@ class _StripEnd:
         return cls(name, at_end, width, course.frame_at(s)[0], s)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
-        """Return the arc length from which the end does not overlap another strip; None without an overlap."""
+        """Return the arc length from which the strip is clear of a rival strip; None if the two do not overlap."""
         least = 0.98 * (self.width + rival.width) / 2
         away = np.asarray(cKDTree(rival.places).query(self.places)[0])
         is_far = np.linalg.norm(rival.places[0] - self.places[0]) > least
@@ -120,40 +117,37 @@ def shortened_courses(
     joined: set[frozenset[str]],
     overhang: float,
 ) -> dict[str, StripCourse]:
-    """Return courses of one layer; a course stops before it runs into another course.
-    It ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
-    nodes : arc lengths of nodes on each course.
-    joined : pairs of members that share a node, where they are notched.
+    """Return courses of one layer that stop before they run into another course.
+    A course ends `overhang` metres beyond its last node before the collision; without such a node, at the collision.
+    nodes : arc lengths of nodes on each course.    joined : pairs of members that share a node, where they are notched.
     """
     ends = [
-        _StripEnd.from_course(name, one, at_end)
-        for name, one in courses.items()
-        if not one.closed
+        _StripEnd.from_course(name, course, at_end)
+        for name, course in courses.items()
+        if not course.closed
         for at_end in (False, True)
     ]
     neighbours = _neighbours(ends)
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
     for k, end in enumerate(ends):
-        rivals = [one for one in accepted if (one in neighbours[k]) and frozenset((one.name, end.name)) not in joined]
-        clear = [s for one in rivals if (s := end.clear_station(one)) is not None]
+        rivals = [x for x in accepted if (x in neighbours[k]) and frozenset((x.name, end.name)) not in joined]
+        clear = [s for rival in rivals if (s := end.clear_station(rival)) is not None]
         if not clear:
             accepted.append(end)
             continue
-        course = stopped.get(end.name, courses[end.name])
-        stopped[end.name] = _shortened_course(
-            course, end.at_end, min(clear) if end.at_end else max(clear), nodes[end.name], overhang
-        )
+        course, limit = stopped.get(end.name, courses[end.name]), min(clear) if end.at_end else max(clear)
+        stopped[end.name] = _shortened_course(course, end.at_end, limit, nodes[end.name], overhang)
     return stopped
 
 
 def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[Member]) -> dict[str, StripCourse]:
-    """Return courses of members, by name, that stop because the member curls up at an end (see `uncurled_span`)."""
+    """Return the courses, by member, that stop because the member curls up at an end (see `uncurled_span`)."""
     lengths = {member.id: member.length for member in members}
     return {name: c for name, c in courses.items() if not c.closed and (c.begin > 0 or c.end < lengths[name])}
 
 
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
-    """Return the names of shortened courses whose length is less than their width (m); these are not built."""
+    """Return the names of shortened courses whose length is less than their width (m); they are not built."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
 
 

@@ -1,7 +1,7 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
 
-A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. Engravers would draw the
-outlines of an ordinary font twice.
+A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. The outlines of an
+ordinary font would be engraved twice.
 """
 
 from dataclasses import dataclass, field, replace
@@ -17,10 +17,8 @@ from dsfab.surface import as_circle, as_polyline, simplified_line
 if TYPE_CHECKING:
     import compas.geometry
 
-
 GLYPH_HEIGHT, GLYPH_WIDTH, GLYPH_GAP = 6, 4, 2
-SMALL_LETTER_SHARE = 0.7
-"""Height of small letters over that of capitals."""
+SMALL_LETTER_SHARE = 0.7  # height of small letters over that of capitals
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -38,7 +36,7 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """Return (k, 2) polylines of a line of text from its lower left corner; unknown characters become dashes."""
+    """Return polylines (k, 2) of a line of text from its lower left corner; unknown characters become dashes."""
     lines, x = list[Floats](), 0.0
     for letter in text:
         scale = height / GLYPH_HEIGHT * (SMALL_LETTER_SHARE if letter.islower() else 1.0)
@@ -55,14 +53,10 @@ def text_length(text: str, height: float) -> float:
     return (width - GLYPH_GAP) * height / GLYPH_HEIGHT
 
 
-NAME_SHARE = 0.9
-"""Share of the available length that a name fills, at most."""
-SAME_DISTANCE = 2e-4
-"""Largest distance (m) between the corners and holes of two equal parts."""
-OUTLINE_TOLERANCE = 2e-5
-"""Largest distance between a written outline and the outline of the part (m)."""
-PART_LETTERS, NODE_LETTERS = 0.02, 0.008
-"""Largest heights of part names and of node names (m)."""
+NAME_SHARE = 0.9  # largest share of the available length that a name fills
+SAME_DISTANCE = 2e-4  # largest distance (m) between matching corners or holes of two equal parts
+OUTLINE_TOLERANCE = 2e-5  # largest distance between a written outline and the outline of the part (m)
+PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of node names (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,9 +73,7 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """Fold of a part along a line (2, 2) by an angle (radians); positive angles fold away from the viewer of the
-    drawing.
-    """
+    """Fold of a part along a line (2, 2) by an angle (radians); a positive angle folds away from the viewer."""
 
     line: Floats
     angle: float
@@ -93,7 +85,6 @@ class Fold:
 @dataclass(frozen=True, eq=False)
 class FlatPart:
     """Part to cut, as seen from the side to which the surface normals point.
-
     id      : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
     member  : name of the member; "" for pieces of a sheet.
     span    : arc lengths of the axis at both ends (m); (0, 0) without an axis.
@@ -130,16 +121,14 @@ class FlatPart:
 
     @cached_property
     def size(self) -> Floats:
-        """(2,) length and width of the bounding box (m)."""
+        """Length and width (2,) of the bounding box (m)."""
         return np.asarray(np.ptp(self.outline, axis=0))
 
     @cached_property
     def contours(self) -> tuple[Floats, ...]:
-        """(k, 2) outline, then slots, without corners on straight lines (m)."""
-        return tuple(
-            read_only_copy(_without_straight_corners(loop), np.float64, (None, 2))
-            for loop in (self.outline, *self.slots)
-        )
+        """Outline, then slots, (k, 2) each, without corners on straight lines (m)."""
+        loops = (_without_straight_corners(loop) for loop in (self.outline, *self.slots))
+        return tuple(read_only_copy(loop, np.float64, (None, 2)) for loop in loops)
 
     @cached_property
     def radii(self) -> Floats:
@@ -148,8 +137,9 @@ class FlatPart:
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each, for the comparison of parts. A difference
-        of a fifth of a degree in a fold is visible in them.
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared. Fold middles
+        are scaled
+        by the angle of the fold, so that a difference of a fifth of a degree is visible.
         """
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
@@ -223,12 +213,10 @@ def shape_key(part: FlatPart) -> tuple[int, int]:
 
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
-    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not count."""
-    if (
-        shape_key(part_a) != shape_key(part_b)
-        or len(part_a.slots) != len(part_b.slots)
-        or part_a.thickness != part_b.thickness
-    ):
+    """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not matter."""
+    if shape_key(part_a) != shape_key(part_b) or part_a.thickness != part_b.thickness:
+        return False
+    if len(part_a.slots) != len(part_b.slots):
         return False
     if (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
@@ -247,7 +235,6 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:
     """Return strokes (k, 2) of a text along an angle (radians), with its middle at (2,) metres."""
-    c, s = np.cos(angle), np.sin(angle)
     lines = strokes(text, height)
     width = max(float(line[:, 0].max()) for line in lines)
-    return tuple((line - [width / 2, height / 2]) @ np.array([[c, s], [-s, c]]) + middle for line in lines)
+    return tuple((line - [width / 2, height / 2]) @ rotation_matrix(angle) + middle for line in lines)

@@ -76,7 +76,7 @@ def construction_route(
 
 
 def design_footing(design: Design, up: Floats) -> Footing | None:
-    """Return the anchored supports of a design; None if the preset has no anchors, and for models."""
+    """Return the anchored supports of a design; None for models, or if the preset has no anchors."""
     options = design.preset.workshop
     if options.model or not options.anchor:
         return None
@@ -112,8 +112,8 @@ def design_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankP
 
 
 def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
-    """Return the largest part sizes (m) for each stock sheet. Raises PatternError if gaps leave no room."""
-    slack = 5e-4  # metres: a part may be turned a little on its drawing
+    """Return the largest part size (m) for each stock sheet. Raises PatternError if gaps leave no room."""
+    slack = 5e-4  # metres: parts may be turned slightly on their drawings
     room = [(a - 2 * options.gap - slack, b - 2 * options.gap - slack) for a, b in options.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
@@ -121,26 +121,21 @@ def usable_sizes(options: Workshop) -> list[tuple[float, float]]:
 
 
 def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> ConstructionRoute:
-    """Choose the first possible route: strips that bend (or without a limit), bars close to the surface, planks,
-    bars.
-    """
+    """Choose the first possible route: strips (if no limit forbids the bend), bars near the surface, planks, bars."""
     worst, layers_text = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
-        return ConstructionRoute(
-            "strips", f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
-        )
+        reason = f"{layers_text} would be bent to {worst:.2%}, and the limit of the material is not known"
+        return ConstructionRoute("strips", reason)
     if worst <= limits.limit:
         return ConstructionRoute("strips", f"{layers_text} can be bent: to {worst:.2%}, of {limits.limit:.2%} allowed")
     problem = (
-        f"{layers_text} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times what the "
-        "material takes; "
-        f"the thickest strips that could be bent are {length(limits.thickest)}"
+        f"{layers_text} would be bent or stretched to {worst:.2%}, {worst / limits.limit:.1f} times the strain that "
+        f"the material bears; the thickest strips that could be bent are {length(limits.thickest)}"
     )
     bars, no_bars = _bars_or_reason(design, graph, up)
     if bars and not no_bars:
-        return ConstructionRoute(
-            "bars", f"{problem}; bars leave the surface by up to {length(bars.largest_sagitta)}", bars
-        )
+        reason = f"{problem}; bars leave the surface by up to {length(bars.largest_sagitta)}"
+        return ConstructionRoute("bars", reason, bars)
     planks, no_planks = _planks_or_reason(design, graph, up)
     if planks:
         return ConstructionRoute("planks", f"{problem}; {no_bars}; {planks.summary}", planks=planks)
@@ -150,7 +145,6 @@ def _route_by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up
 
 
 def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
-    """Return the bars and the objection to them: None if bars are impossible, and '' if nothing speaks against them."""
     try:
         bars = design_bars(design, graph, up)
     except PatternError as error:
@@ -162,10 +156,9 @@ def _bars_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[Bar
     if oversize:
         return None, f"bars are longer than the stock ({oversize.id} is {length(oversize.size[0])})"
     width = float(np.median([member.mean_width for member in graph.members if is_strip(member)]))
-    deviation = (
-        f"bars would leave the surface by up to {length(bars.largest_sagitta)}, and members are {length(width)} wide"
-    )
-    return bars, deviation if bars.largest_sagitta > 0.5 * width else ""
+    sagitta = bars.largest_sagitta
+    deviation = f"bars would leave the surface by up to {length(sagitta)}, and members are {length(width)} wide"
+    return bars, deviation if sagitta > 0.5 * width else ""
 
 
 def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[PlankPlan | None, str]:
@@ -177,9 +170,7 @@ def _planks_or_reason(design: Design, graph: MemberGraph, up: Floats) -> tuple[P
 
 
 def longest_oversize_part(parts: Sequence[FlatPart], options: Workshop) -> FlatPart | None:
-    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may also lie across the
-    sheet.
-    """
+    """Return the longest part that fits on no stock sheet, or None. Without grain, a part may lie across a sheet."""
     room = [(a - 2 * options.gap, b - 2 * options.gap) for a, b in options.stock]
     if not options.grain:
         room += [(b, a) for a, b in room]
@@ -193,24 +184,21 @@ def node_normals(design: Design, graph: MemberGraph) -> Floats:
 
 
 JOINT_SENTENCES = {
-    "butt": "cut straight and butted: no joint is drawn; set workshop.splice to 'fingers' or 'scarf' for one",
+    "butt": "cut straight and butted: no joint is drawn; for a joint, set workshop.splice to 'fingers' or 'scarf'",
     "fingers": "with fingers {} long that close without a gap; a round cutter leaves its radius in their corners",
-    "scarf": "which reach over each other by {} and are glued there on a bevel: to the right and above on the engraved "
-    "face, from the engraved line to the edge, to the left and below on the other one",
+    "scarf": "which overlap by {} and are glued there on a bevel: to the right and above on the engraved "
+    "face, from the engraved line to the edge, to the left and below on the back",
 }
-"""Sentence on the pieces of a flat sheet, by their joint."""
-TAB_CLEARANCE = 1e-4
-"""Clearance between a tab and its slot in the base plate of a model, to each side (m)."""
-TABS_LENGTH = 4.0
-"""Largest length that both tabs together add to a strip, over the strip's thickness."""
+"""End of the sentence on the pieces of a flat sheet, by their joint."""
+TAB_CLEARANCE = 1e-4  # clearance between a tab and its slot in the base plate of a model, on each side (m)
+TABS_LENGTH = 4.0  # largest length that the two tabs of a strip add to its length, over the strip's thickness
 
 
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
-    """Parts of a design and the sheets that they are cut from.
-
+    """Parts of a design and the sheets from which they are cut.
     route     : "strips", "planks", "bars", "panels" or "sheet".
-    thickness : thickness of the stock (m); a part may have its own.
+    thickness : thickness of the stock (m); a part may have a different thickness.
     parts     : all parts.    sheets : nested sheets, each part on one of them.
     equal_parts : lists of numbers of parts with equal shapes, in the order of the parts.
     notes     : sentences about possible parts and impossible parts.
@@ -251,7 +239,7 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
     """Return the plan of a design by [workshop] of its preset.
     up : (3,) unit vector, for the base plate of a model.
 
-    If the stock has prices, the cheapest plan wins. Trials use all sizes, and the shorter sizes alone.
+    If the stock has prices, the cheapest of several plans wins: with all sizes, and with the shorter sizes alone.
     Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
     """
     if design.preset.workshop.nesting == "spyrrow":
@@ -307,18 +295,16 @@ def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
 
 
 def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[NestedSheet], list[str]]:
-    """Nest the parts of each thickness on sheets of their own; return the sheets and notes."""
+    """Nest the parts of each thickness on separate sheets. Return the sheets, and notes."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
     stacks = [nest_parts(group, options.stock, options.gap, options.grain, options.prices) for group in groups.values()]
-    nests = (
-        [with_fewer_sheets(group, options.gap, options.grain) for group in stacks]
-        if options.nesting == "spyrrow"
-        else stacks
-    )
-    before, after = (sum(map(len, group)) for group in (stacks, nests))
-    notes = [f"spyrrow saved {_quantity(before - after, 'sheet')} of {before}"] if options.nesting == "spyrrow" else []
+    nests, notes = stacks, list[str]()
+    if options.nesting == "spyrrow":
+        nests = [with_fewer_sheets(group, options.gap, options.grain) for group in stacks]
+        before, after = (sum(map(len, group)) for group in (stacks, nests))
+        notes = [f"spyrrow saved {_quantity(before - after, 'sheet')} of {before}"]
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
@@ -347,7 +333,7 @@ def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple
     extra_parts = len(division.pieces) - along * across
     notes = [f"the sheet is in {along} x {across} pieces, {JOINT_SENTENCES[joint.kind].format(length(joint.reach))}"]
     if extra_parts > 0:
-        notes.append(f"{_quantity(extra_parts, 'part')} more, as not all of a piece hangs together")
+        notes.append(f"{_quantity(extra_parts, 'part')} more, because openings divide some pieces")
     return list(division.pieces), notes
 
 
@@ -416,19 +402,17 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     if strips.shortened:
         notes.append(
             f"{_quantity(len(strips.shortened), 'strip')} {stopping_clause(len(strips.shortened))} others of "
-            "their layer or curl up: "
-            f"{names_and_count(strips.shortened)}; {_quantity(len(strips.missed_nodes), 'node')} without them"
+            f"their layer or curl up: {names_and_count(strips.shortened)}; "
+            f"{_quantity(len(strips.missed_nodes), 'node')} without them"
         )
     if strips.vanished:
-        notes.append(f"NOT BUILT, as others of their layer lie where they would be: {names_and_count(strips.vanished)}")
+        notes.append(f"NOT BUILT, because other strips of their layer are there: {names_and_count(strips.vanished)}")
     if strips.splices_near_nodes:
-        notes.append(
-            f"{strips.splices_near_nodes} of {strips.splice_count} splices are nearer to a node than a cover "
-            "plate is long"
-        )
+        splices = f"{strips.splices_near_nodes} of {strips.splice_count} splices"
+        notes.append(f"{splices} are nearer to a node than a cover plate is long")
     if strips.missing_holes:
         holes = _quantity(len(strips.missing_holes), "hole")
-        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice share a name
+        places = list(dict.fromkeys(strips.missing_holes))  # the bolts of a splice have a common name
         notes.append(f"{holes} not drilled, too near to an edge: {names_and_count(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
@@ -450,7 +434,7 @@ def _quantity(number: int, what: str) -> str:
 
 
 def equal_part_groups(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
-    """Return groups of part numbers; parts of a group have equal shapes (see `congruent`)."""
+    """Return groups of part numbers; the parts of a group have equal shapes (see `congruent`)."""
     groups: dict[tuple[int, int], list[list[int]]] = {}
     for k, part in enumerate(parts):
         candidates = groups.setdefault(shape_key(part), [])

@@ -1,7 +1,7 @@
 """Flattened plates [Liu et al. 2008], and flat designs divided into pieces of the stock's size.
 
-fingers   ──┐  ┌──┐      of both pieces in turn; if they cut off a piece of rib,
-            └──┘  └──    the neighbour gets it
+fingers   ──┐  ┌──┐      fingers of two pieces alternate; a bit of a rib that fingers cut off
+            └──┘  └──    goes to the neighbouring piece
 scarf     ────╲╲────     both pieces overlap at the joint
 """
 
@@ -83,9 +83,7 @@ def _is_inside(outline: Floats, place: Floats, least: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3) with their points V (n, 3) in space and the places U (n, 2) of these points in the plane
-    (m).
-    """
+    """Triangles F (m, 3), their points V (n, 3) in space, and the places U (n, 2) of these points in the plane (m)."""
 
     V: Floats
     F: Ints
@@ -93,9 +91,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible, starting from the projection along the mean normal; pure bending keeps
-        all lengths.
-        """
+        """Flatten as rigidly as possible, from the projection along the mean normal; pure bending keeps all lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -124,16 +120,15 @@ class FlattenedMesh:
         return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
     def flat_point(self, point: Floats) -> Floats:
-        """Return the plane position (2,) of the place on the mesh nearest to a point (3,)."""
+        """Return the place (2,) in the plane of the mesh's point nearest to a point (3,)."""
         projection = nearest_places(point[None], self.V, self.F)
         face = self.F[projection.simplex]
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
 
 
-FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0
-"""Length of a finger, and approximate width of a finger, over the thickness."""
+FINGER_LENGTH, FINGER_WIDTH = 4.0, 2.0  # length of a finger, and approximate width of a finger, over the thickness
 REASSIGN_ROUNDS, LEAST_FINGERS = 4, 4.0
-"""Rounds in which loose bits of fingers go to a neighbouring piece, and the largest area of a bit, in fingers."""
+"""Rounds in which small bits go to a neighbouring piece, and the largest area of such a bit, in fingers."""
 LINE_TOLERANCE = 1e-9
 """Largest distance between a mesh edge and the dividing line on which it lies, over the sheet's size."""
 
@@ -147,13 +142,11 @@ class SheetJoint:
 
     @property
     def reach(self) -> float:
-        """Length along which both pieces overlap or alternate (m)."""
+        """Length along which two pieces overlap or alternate (m)."""
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces that a length needs for a room (m). Raises PatternError if joints are most of a
-        piece.
-        """
+        """Return the number of pieces of a length for stock with room (m). Raises PatternError for too long joints."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:
@@ -173,29 +166,29 @@ class SheetParts:
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m). Disconnected
-    pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together are the sheet;
-    with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints, are too long
-    for the stock.
+    """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m).
+
+    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together
+    are
+    the sheet; with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints,
+    are
+    too long for the stock.
     """
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
-    for _ in range(4):  # smaller rectangles, because bits of neighbours can make a piece too large
+    for _ in range(4):  # rectangles shrink, because bits of neighbours can enlarge a piece
         division = _rectangles(level, [(a - reduction, b - reduction) for a, b in room], joint)
-        part, excess = max(((part, _oversize(part, room)) for part in division.pieces), key=itemgetter(1))
+        turned = [*room, *((b, a) for a, b in room)]
+        excesses = ((p, min(float(max(p.size[0] - a, p.size[1] - b)) for a, b in turned)) for p in division.pieces)
+        part, excess = max(excesses, key=itemgetter(1))
         if excess <= LINE_TOLERANCE * float(np.ptp(x)):
             return division
         reduction += excess
     raise PatternError(
-        f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} with what hangs on it, "
-        "and fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
+        f"piece {part.id} of the flat sheet is {length(part.size[0])} x {length(part.size[1])} with its joints, and "
+        "fits on no sheet: give larger sheets in workshop.stock, or workshop.splice = 'none'"
     )
-
-
-def _oversize(part: FlatPart, room: list[tuple[float, float]]) -> float:
-    x, y = part.size
-    return float(min(max(x - a, y - b) for a, b in [*room, *((b, a) for a, b in room)]))
 
 
 def _rectangles(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
@@ -237,7 +230,7 @@ class _SheetGrid:
         return np.unique(lines)
 
     def pieces(self, places: Floats) -> Ints:
-        """Return the piece number (m,) of places (m, 3); along joints fingers alternate."""
+        """Return the piece number (m,) of places (m, 3); along joints, the fingers of two pieces alternate."""
         numbers = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
@@ -246,7 +239,7 @@ class _SheetGrid:
         return np.asarray(numbers[0] * self.counts[1] + numbers[1])
 
     def inside(self, places: Floats, which: tuple[int, int], margin: float) -> Bools:
-        """Return (m,) whether places (m, 3) are in a rectangle, or at most `margin` metres beyond its joints."""
+        """Return a mask (m,) of the places (m, 3) in a rectangle, or at most `margin` metres beyond its joints."""
         is_inside = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]
@@ -274,12 +267,10 @@ def _rectangle_cells(divided: Surface, grid: _SheetGrid) -> Iterator[tuple[tuple
         yield from ((which, np.flatnonzero(pieces == k)) for k, which in enumerate(every))
         return
     wide = [grid.inside(divided.centroids, which, half) for which in every]
-    accepted = [
-        candidates & _connected_to(divided, candidates, grid.inside(divided.centroids, which, -half))
-        if half
-        else candidates
-        for which, candidates in zip(every, wide, strict=True)
-    ]
+    accepted = wide
+    if half:
+        inner = [grid.inside(divided.centroids, which, -half) for which in every]
+        accepted = [cells & _connected_to(divided, cells, roots) for cells, roots in zip(wide, inner, strict=True)]
     lost = ~np.any(accepted, axis=0)
     for which, candidates, piece_cells in zip(every, wide, accepted, strict=True):
         roots = candidates & lost & grid.inside(divided.centroids, which, 0.0)
@@ -294,7 +285,7 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return pieces (m,) in which bits under `least` (m2) join the neighbour with the longest shared edges."""
+    """Return piece numbers (m,); bits under `least` (m2) join the neighbour with the longest common edges."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
@@ -347,7 +338,6 @@ def _edges_on_line(surface: Surface, axis: int, place: float) -> list[Floats]:
 
 
 def _widest_place(surface: Surface) -> tuple[Floats, float]:
-    """Return a place (2,) far from all edges of a flat surface, and its distance from their corners (m)."""
     rim = surface.V[np.unique(surface.edges.ends[surface.edges.boundary])]
     away = np.array([np.linalg.norm(rim - place, axis=1).min() for place in surface.centroids])
     return surface.centroids[away.argmax(), :2], float(away.max())

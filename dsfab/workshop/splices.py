@@ -1,4 +1,4 @@
-"""Splices of strips that are longer than the stock: away from nodes, in pieces as long as possible."""
+"""Splices of strips that are longer than the stock: away from nodes, and with pieces as long as possible."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,17 +11,13 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SCARF_SLOPE = 8.0
-"""Overlap of a scarf joint over the thickness: bevelled 1 to 8, as is usual for plywood and boards."""
-BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")
-"""Engraved texts: for a bevel on the engraved face, and for a bevel on the back."""
+SCARF_SLOPE = 8.0  # overlap of a scarf joint over the thickness; a bevel of 1 to 8 is usual for plywood and boards
+BEVEL_TEXTS = ("BEVEL", "BEVEL BACK")  # engraved texts for a bevel on the engraved face, and for a bevel on the back
 
 
 @dataclass(frozen=True)
 class Cuts:
-    """Arc lengths at which a strip begins, is divided and ends; `near_nodes` is the number of cuts too close to a
-    node.
-    """
+    """Arc lengths at which a strip begins, is divided and ends. near_nodes : number of cuts too close to a node."""
 
     stations: tuple[float, ...]
     near_nodes: int
@@ -55,7 +51,6 @@ def splice_cuts(
     name: str = "the strip",
 ) -> Cuts:
     """Return the cuts of a strip between two arc lengths.
-
     nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
     fits  : whether a piece between two arc lengths fits on the stock.    name : of the strip, for messages.
     Raises PatternError if the longest piece that fits is shorter than `clear`.
@@ -67,7 +62,7 @@ def splice_cuts(
         farthest = _farthest(start, end, fits)
         if farthest - start < clear:
             raise PatternError(
-                f"no piece of {name} that is as long as its splice needs fits on the stock: give larger sheets in "
+                f"no piece of {name} that is long enough for a splice fits on the stock: give larger sheets in "
                 "workshop.stock, or narrower members"
             )
         farthest = min(farthest, max(end - 2 * clear, (start + end) / 2))
@@ -104,7 +99,7 @@ def _middle_of_bay(nodes: Floats, least: float, limit: float) -> float:
 def lapped_span(
     span: tuple[float, float], strip_span: tuple[float, float], lap: float, closed: bool
 ) -> tuple[float, float]:
-    """Return the span of a piece, longer by `lap` metres at its splices; the ends of the strip stay."""
+    """Return the span of a piece, longer by `lap` metres at its splices; the ends of the strip do not move."""
     begin = span[0] - lap if closed or span[0] > strip_span[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < strip_span[1] else span[1]
 
@@ -113,7 +108,7 @@ def scarf_line(splices: int, lap: float) -> str:
     """Return a sentence on a number of scarf joints with an overlap of `lap` metres."""
     return (
         f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF_SLOPE:g}, on the "
-        "engraved face at BEVEL and on the other one at BEVEL BACK"
+        "engraved face at BEVEL and on the back at BEVEL BACK"
     )
 
 
@@ -135,13 +130,11 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Return a function that tests whether a developed strip between two arc lengths fits into one of the
-    rectangles.
-    """
+    """Return a function that tests whether a developed strip between two arc lengths fits into one of the rooms."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # most trial pieces are far too long
+        (x, y), _ = development.middle_line_at(np.array([begin, end]))  # a quick test, because most pieces are too long
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

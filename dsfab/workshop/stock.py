@@ -1,4 +1,4 @@
-"""Prices of stock sheets, and hints that save sheets."""
+"""Prices of stock sheets, and hints how to save sheets."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -16,18 +16,13 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the section, and with prices also variants without long sheets, because long parts need long sheets
-    only.
-    """
+    """Return the section [workshop], and with prices also variants without long sheets, which only long parts need."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
         numbers = [k for k, size in enumerate(options.stock) if size[0] <= longest]
-        selection = {
-            "stock": tuple(options.stock[k] for k in numbers),
-            "prices": tuple(options.prices[k] for k in numbers),
-        }
-        choices.append(options.model_copy(update=selection))
+        stock, prices = (tuple(values[k] for k in numbers) for values in (options.stock, options.prices))
+        choices.append(options.model_copy(update={"stock": stock, "prices": prices}))
     return choices
 
 
@@ -58,7 +53,7 @@ def price_notes(sheets: Sequence[NestedSheet], alternatives: Sequence[tuple[Work
 
 
 def size_words(size: tuple[float, float]) -> str:
-    """Return "2.5 x 1.25 m" or "420 x 297 mm"."""
+    """Return a sheet size in words: "2.5 x 1.25 m", "420 x 297 mm"."""
     return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm" if size[0] < 1 else f"{size[0]:g} x {size[1]:g} m"
 
 
@@ -67,10 +62,8 @@ def money(amount: float) -> str:
     return f"{amount:,.2f}".removesuffix(".00")
 
 
-NARROWING_SHARES = (0.95, 0.9)
-"""Shares of the strips' width for trial nests, the widest first."""
-LEAST_SAVING = 0.04
-"""Smallest saving for which a hint appears, as a share of the sheets or of their area."""
+NARROWING_SHARES = (0.95, 0.9)  # shares of the strips' width that trial nests use, the largest first
+LEAST_SAVING = 0.04  # smallest saving that is worth a hint, as a share of the sheets or of their area
 StockSizes = Sequence[tuple[float, float]]
 
 
@@ -82,17 +75,19 @@ class _NestOptions(NamedTuple):
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
-    """Return sentences on narrower strips or larger stock that would need fewer sheets.
+    """Return sentences on narrower strips or larger stock that would need fewer sheets. Large plans have no hints,
+    because
+    each number comes from a trial nest, which takes long.
     stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`.
-    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long."""
-    if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
+    """
+    if len(parts) * len(sheets) > 20_000:
         return []
     options = _NestOptions(gap, grain)
     return [*_narrower_hint(parts, sheets, stock, options), *_larger_hint(parts, sheets, stock, options)]
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip made narrower about its axis, to a share of its width; holes and other parts do not change."""
+    """Return a strip that is narrower about its axis, by a share of its width; holes and other parts do not change."""
     if not _is_strip(part):
         return part
     outline = part.outline
@@ -127,17 +122,15 @@ def _narrower_hint(
         trial = _trial_nest([narrow_strip(part, new_width / width) for part in parts], stock, options, limit)
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
-            yield (
-                f"strips {how} would need {_saving_text(trial, sheets)}; see [pattern.width], and judge the "
-                "design again"
-            )
+            saving = _saving_text(trial, sheets)
+            yield f"strips {how} would need {saving}; see [pattern.width], and judge the design again"
             return
 
 
 def _larger_hint(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
 ) -> Iterator[str]:
-    """Yield a hint on longer stock, or on wider stock, with less area in total; only if the stock has a single size."""
+    """Yield a hint if longer or wider stock would need less area in total, for stock of a single size."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, Ints, area_vectors
 from dsfab.core.messages import length
-from dsfab.members import Member, MemberGraph, Node, spherical_normals
+from dsfab.members import Member, MemberGraph, spherical_normals
 from dsfab.surface import Surface
 from dsfab.workshop.development import Development, StripCourse, member_course, turns_within_its_width, uncurled_span
 from dsfab.workshop.ground import BasePlane, StripFoot, outline_with_feet
@@ -16,12 +16,10 @@ from dsfab.workshop.layers import END_DISTANCE, Layering, courses_without_curls,
 from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF_SLOPE, Cuts, lap_marks, lapped_span, splice_cuts, strip_fits
 
-STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")
-"""Kinds of members that are built as strips."""
-HOLE_EDGE_DISTANCE = 1.0
-"""Least distance from the middle of a hole to the edges of its part, over the bolt diameter."""
+STRIP_KINDS = ("strip", "stub", "rim", "band", "ring")  # kinds of members that are built as strips
+HOLE_EDGE_DISTANCE = 1.0  # least distance from the middle of a hole to the edges of its part, over the bolt diameter
 LEGIBLE_HEIGHT, TALL_LETTER_SHARE = 0.002, 0.6
-"""Letters below the first height (m) may take up a larger share of the width, which is the second number."""
+"""Height (m) below which letters may take a larger share of a part's width, and this share."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +35,6 @@ class StripBolt:
 @dataclass
 class StripParts:
     """Flat parts of all strips: pieces, and cover plates of their splices.
-
     missing_holes      : "N003 in A07": nodes without a hole in a part, because a hole would be too close to an edge.
     splices_near_nodes : number of splices that are too close to a node.    splice_count : number of all splices.
     shortened          : names of members that stop before they run into a member of their layer.
@@ -58,9 +55,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Return whether a member is a strip: it has an axis, which does not turn within the member's width between its
-    ends.
-    """
+    """Return whether a member is a strip: its axis never turns within the member's width, except at curled ends."""
     if member.axis is None or member.kind not in STRIP_KINDS:
         return False
     begin, end = uncurled_span(member)
@@ -82,10 +77,8 @@ def strip_parts(
     """
     parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
-    courses = {
-        member.id: member_course(graph, member, END_DISTANCE * layering.bolt, 2 * layering.half_cover_length)
-        for member in members
-    }
+    overhang, cover_length = END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
+    courses = {member.id: member_course(graph, member, overhang, cover_length) for member in members}
     courses |= _shortened_courses(graph, members, courses, layering, parts)
     for member in members:
         if member.id in parts.vanished:
@@ -105,9 +98,7 @@ def _shortened_courses(
     shortened = courses_without_curls(courses, members)
     for family in dict.fromkeys(member.family for member in members):
         family_courses = {member.id: courses[member.id] for member in members if member.family == family}
-        nodes = {
-            name: [b.s for b in node_bolts(graph, graph.by_id[name], family_courses[name])] for name in family_courses
-        }
+        nodes = {name: [b.s for b in node_bolts(graph, graph.by_id[name], c)] for name, c in family_courses.items()}
         shortened |= shortened_courses(family_courses, nodes, joined, END_DISTANCE * layering.bolt)
     gone = vanished_courses(shortened, {member.id: member.mean_width for member in members})
     for name, course in shortened.items():
@@ -120,21 +111,15 @@ def _shortened_courses(
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
     """Return the bolts of the nodes on a member, in the order of its course."""
-    nodes = graph.nodes_along[member.id]
-    bolts = [
-        StripBolt(node.id, node.point, node.normal, course.wrapped_station(_station_on(node, member))) for node in nodes
-    ]
+    bolts = []
+    for node in graph.nodes_along[member.id]:
+        s = course.wrapped_station(node.at[node.members.index(member.id)])
+        bolts.append(StripBolt(node.id, node.point, node.normal, s))
     return sorted(bolts, key=lambda bolt: bolt.s)
-
-
-def _station_on(node: Node, member: Member) -> float:
-    return node.at[node.members.index(member.id)]
 
 
 @dataclass(frozen=True)
 class _StripLayer:
-    """A member in one of its layers."""
-
     graph: MemberGraph
     member: Member
     course: StripCourse
@@ -167,10 +152,8 @@ class _StripLayer:
         stations = course.repeated_stations(np.array([bolt.s for bolt in bolts]))
         cuts = splice_cuts((course.begin, course.end), stations, clear, self._fits(layer, room), self.name)
         joints = list(cuts.stations[:-1] if course.closed else cuts.stations[1:-1])
-        parts.splices_near_nodes, parts.splice_count = (
-            parts.splices_near_nodes + cuts.near_nodes,
-            parts.splice_count + len(joints),
-        )
+        parts.splices_near_nodes += cuts.near_nodes
+        parts.splice_count += len(joints)
         spliced = [list(self._splice_bolts(joint, k)) for k, joint in enumerate(joints, 1)]
         spliced = spliced if self.splice == "cover" else []
         every = [bolt for joint_bolts in spliced for bolt in joint_bolts]
@@ -234,7 +217,7 @@ class _StripLayer:
         marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
-            if "." not in hole.bolt:  # bolts of splices need no name
+            if "." not in hole.bolt:  # bolts of splices have no names
                 ahead = 1 if s + 4 * bolt < span[1] else -1
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
@@ -258,20 +241,18 @@ def _is_clear(place: float, text_size: float, taken: list[tuple[float, float]], 
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """Return the largest strain t |kn| / 2 of a layer of a thickness (m) bent along a course over a span."""
+    """Return the largest strain t |kn| / 2 of a layer of a thickness t (m) that is bent along a course over a span."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)
 
 
-UNCERTAIN_WIDTHS = 1.5
-"""Length at each end of a member, over its width, in which the fitted curvature is uncertain."""
+UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
 MESH_TOLERANCE = 1 / 40
-"""Largest distance between the mesh and the smooth surface, over the bolt diameter; lengths of bays are off by at most
-about twice that distance. On surfaces in closed form a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm.
+"""Largest distance between the mesh and the smooth surface, over the bolt diameter. Lengths of bays have at most about
+twice this error: on surfaces in closed form, a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm.
 """
-LEAST_STRAIN = 5e-6
-"""Smallest strain in a sentence; a smaller strain would appear as 0.000 %."""
+LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports; a smaller strain would appear as 0.000 %
 
 
 @dataclass(frozen=True)
@@ -299,16 +280,14 @@ class StripLimits:
     def lines(self) -> tuple[str, ...]:
         """Sentences about possible strips and impossible strips."""
         lines = []
-        bending_text = (
-            f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
-        )
+        layers = f"layers of {length(self.thickness)}"
+        bending_text = f"{layers} are bent to a strain of {self.bending:.2%} ({self.member} most)"
         if not self.limit:
-            lines.append(f"{bending_text}; name a material or set statics.strength to have that judged")
+            lines.append(f"{bending_text}; name a material or set statics.strength for a limit")
         elif self.bending > self.limit:
             lines.append(
-                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at "
-                "which the "
-                f"strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
+                f"NOT POSSIBLE: {bending_text}, {self.bending / self.limit:.1f} times the {self.limit:.2%} at which "
+                f"the strength is reached; the thickest layer that can be bent is {length(self.thickest)}: set "
                 f"workshop.thickness to {np.floor(1e4 * self.thickest) / 1e4:g} or less"
             )
         else:
@@ -317,15 +296,16 @@ class StripLimits:
             lines.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted_edge * 1.05:
             lines.append(
-                f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "
-                f"set surface.edge to {self.wanted_edge:.2g} or less"
+                f"NOT TO DRILL FROM: the mesh is too coarse with edges of {length(self.edge)}, so that holes may be "
+                f"centimetres off; set surface.edge to {self.wanted_edge:.2g} or less"
             )
         return tuple(lines)
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown."""
+    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown.
+    """
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes, usual = [0.0], [0.0], list[Floats]()
@@ -337,8 +317,8 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(kn.max(initial=0.0)))
         nearest = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # of members that mirror each other, the first
-    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # without rare peaks
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
+    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # ignores rare peaks
     edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), edge)

@@ -204,7 +204,7 @@ def test_a_mistake_in_vary_is_told_in_a_sentence(
 
 
 def test_the_same_key_twice_is_refused() -> None:
-    with pytest.raises(DsfabError, match=r"diffusion\.r is there twice"):
+    with pytest.raises(DsfabError, match=r"diffusion\.r appears twice"):
         parse_variations(["diffusion.r=1,2", "diffusion.r=3"])
 
 

@@ -25,8 +25,9 @@ import numpy as np
 from dsfab.core.errors import DsfabError
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import LoadedSurface, check
+from dsfab.study.verdict.estimates import rib_width
 from dsfab.study.verdict.levels import RibSoftening, SmoothSurface, meshes, shares, theory_share
-from dsfab.study.verdict.verdict import attached_material, mean_member_width
+from dsfab.study.verdict.verdict import attached_material
 from tests.benchmarks.solid_designs import DRAWN, FITTED, LATER, NAMED, drawn_design, named_design
 from tests.benchmarks.solid_wedges import solid_compliance
 
@@ -98,7 +99,7 @@ def given_design(kind: str, seed: int) -> tuple[LoadedSurface, Sheet, float]:
     setting, material = LoadedSurface.from_design(design), design.slicing.cells.subset()
     sheet, _, _ = attached_material(setting, material)
     if wanted:
-        setting = LoadedSurface.from_design(design, mean_member_width(sheet) / wanted / setting.made.thickness)
+        setting = LoadedSurface.from_design(design, rib_width(sheet.surface) / wanted / setting.made.thickness)
     return setting, material, sheet.surface.area / design.surface.area
 
 
@@ -122,7 +123,7 @@ def measured_row(kind: str, seed: int, unknowns: float = UNKNOWNS) -> SolidRow:
         mesh, count = fine, count + 1
     soft = verdict.levels[0].softer.get(name, RibSoftening(0.0, 0.0, 0.0))
     shell = tuple(one.compliance[name] for one in verdict.levels)
-    size = share, sheet.surface.m, mean_member_width(sheet) / setting.made.thickness
+    size = share, sheet.surface.m, rib_width(sheet.surface) / setting.made.thickness
     return SolidRow(kind, seed, *size, verdict.value, verdict.bound, *soft, shell, tuple(solid), second)
 
 

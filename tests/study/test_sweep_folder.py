@@ -319,7 +319,7 @@ def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypa
         crew._pools["worker 1"] = ThreadPoolExecutor(1)
         kills[0] += more
         said.append(crew.lost("worker 1"))
-    assert said == ["", "the system ended a process for want of memory"]
+    assert said == ["", "the system ended a process because memory was low"]
     assert crew.lost("nobody") == ""
 
 
@@ -440,7 +440,7 @@ def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path):
     with Store.open(tmp_path) as store:
         pages = store._db.execute("PRAGMA page_count").fetchone()[0]
         store._db.execute(f"PRAGMA max_page_count = {pages}")
-        with pytest.raises(DsfabError, match=r"full.*free some space and give the command again"):
+        with pytest.raises(DsfabError, match=r"full.*free disk space and give the command again"):
             store.finish(1, {}, error="x" * 100_000)
         assert store.counts() == {"waiting": 200}
         store._db.execute("PRAGMA max_page_count = 100000")

@@ -338,7 +338,7 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     assert thick.name == "bars"
     assert thick.bars.stock.bar == 0.08
     times = max(limits.bending, limits.shape) / limit
-    assert f"{times:.1f} times what the material takes" in thick.reason
+    assert f"{times:.1f} times the strain that the material bears" in thick.reason
     assert f"could be bent are {length(0.04 * limit / limits.bending)}" in thick.reason
     thin = construction_route(vault, graph, Layering(0.99 * limits.thickest, 2, 0.012))
     assert thin.name == "strips"

@@ -1,4 +1,4 @@
-"""Competitors of a design by name: other ways to spend the same material, one function each."""
+"""Competitors of a design by name: structures that use the same mass in another way."""
 
 from collections.abc import Iterable, Mapping
 
@@ -18,15 +18,8 @@ from dsfab.study.baselines.structures import (
 from dsfab.study.baselines.topology_optimisation import simp
 
 __all__ = [
-    "BASELINES",
-    "DEFAULT",
-    "SAME_MASS",
-    "Baseline",
-    "ComparisonTask",
-    "Structure",
-    "Variant",
-    "baselines_by_name",
-]
+    "BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "ComparisonTask", "Structure", "Variant", "baselines_by_name",
+]  # fmt: skip
 
 BASELINES: Mapping[str, Baseline] = {
     "isotropic": isotropic,
@@ -36,14 +29,16 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""Competitors with the design's mass, loads, supports and kept regions, and (except `thinner`) its thickness. `simp`
-keeps painted regions and its own discs, see `dsfab.study.baselines.topology_optimisation.free_task`."""
+"""Functions of the competitors by name. A competitor has the design's mass, loads, supports, kept regions and
+thickness,
+with two exceptions: `thinner` is thinner, and `simp` keeps only painted regions and its own discs (see `free_task`).
+"""
 
-DEFAULT = ("isotropic", "thinner")  # Competitors of a comparison by default.
+DEFAULT = ("isotropic", "thinner")  # names of the competitors of a comparison by default
 
 
 def baselines_by_name(names: Iterable[str]) -> dict[str, Baseline]:
-    """Return baselines by their names, each once. Raises DsfabError for an unknown name."""
+    """Return the functions of competitors by their names, without repetition. Raises DsfabError for an unknown name."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(

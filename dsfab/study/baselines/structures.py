@@ -1,4 +1,4 @@
-"""Competitors of equal mass: a thinner sheet, and stripes along other directions."""
+"""Competitors with the mass of a design: a thinner sheet, and stripes along other directions."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -40,8 +40,7 @@ from dsfab.surface.fields import voronoi_mass
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
     """Input that all competitors of a design share: its preset with fixed modes and phases, its stages before the
-    pattern, and the area of material, m2.
-
+    pattern, and the area of material (m2).
     frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes: the frequency at which
                 stripes on the first mode have the mean distance of the design's stripes.
     even      : evenly spaced stripes of the design; None for stripes on modes.
@@ -62,10 +61,8 @@ class ComparisonTask:
         preset = pattern.preset_with_choices(design.preset)
         frequency = pattern.frequency
         if pattern.even:
-            families, modes = (
-                (preset.pattern.major, preset.pattern.minor),
-                (design.diffusion.major, design.diffusion.minor),
-            )
+            families = preset.pattern.major, preset.pattern.minor
+            modes = design.diffusion.major, design.diffusion.minor
             spacings = [family.distance(design.surface.area, design.surface.mean_edge) for family in families]
             pairs = zip(modes, spacings, strict=True)
             major, minor = (frequency_for(design.surface, family.mode(1), spacing) for family, spacing in pairs)
@@ -83,19 +80,13 @@ class ComparisonTask:
             spacing = family.distance(surface.area, surface.mean_edge)
             return family.model_copy(update={"spacing": spacing, "frequency": 0.0})
 
-        modes = {
-            "method": "modes",
-            "guide": (),
-            "rotate": 0.0,
-            "forces": "uncut",
-            "major": with_spacing(pattern.major),
-            "minor": with_spacing(pattern.minor),
-        }
+        families = {"major": with_spacing(pattern.major), "minor": with_spacing(pattern.minor)}
+        modes = {"method": "modes", "guide": (), "rotate": 0.0, "forces": "uncut", **families}
         return self.preset.model_copy(update={"pattern": pattern.model_copy(update=modes)})
 
     @property
     def stressed_surface(self) -> StressedSurface:
-        """Surface, statics and diffusion, as input of patterns."""
+        """Surface, statics and diffusion: the input of a pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
@@ -115,11 +106,11 @@ class ComparisonTask:
 
     @cached_property
     def is_plane(self) -> bool:
-        """True if the sheet is loaded in its own plane, and solved there."""
+        """True if the sheet is flat and its loads lie in its plane."""
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads` (`every`: `all_loads`) on the uncut surface, with the self-weight of the structure."""
+        """Return `loads`, or `all_loads` with `every`, on the uncut surface, with the self-weight of the structure."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -131,7 +122,7 @@ class ComparisonTask:
 
     @property
     def kept_faces(self) -> Bools:
-        """(m,) faces whose centre lies in `kept_layers`."""
+        """Mask (m,) of the faces whose centre lies in `kept_layers`."""
         return np.asarray(material_points(self.surface, self.kept_layers, face_points(1))[:, 0])
 
 
@@ -139,7 +130,8 @@ class ComparisonTask:
 class Structure:
     """A sheet for a judge.
     cells  : all cells, material and void.        names : fields that mark material, see `cut`.
-    sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres.
+    sheet  : the built sheet, without loose pieces.       pieces : number of the sheet's pieces.      thickness :
+             metres.
     """
 
     cells: Sheet
@@ -157,12 +149,12 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Material, with its loose pieces."""
+        """Material of the cells, with its loose pieces."""
         return self.cells.subset()
 
     @property
     def loose(self) -> float:
-        """Share of the material that reaches no support; the built sheet leaves it out."""
+        """Share of the material that reaches no support; the built sheet is without this material."""
         return max(0.0, 1 - self.sheet.surface.area / self.material.surface.area)
 
 
@@ -174,24 +166,26 @@ class Variant:
     make: Callable[[], Structure]
 
 
-Baseline = Callable[[ComparisonTask], list[Variant]]  # Variants of a competitor; the stiffest competes.
+Baseline = Callable[[ComparisonTask], list[Variant]]  # makes the variants of a competitor; the stiffest competes
 
 
 def thinner(task: ComparisonTask) -> list[Variant]:
-    """Return the whole surface in one thickness, at the design's mass."""
+    """Return the whole surface with one thickness, which gives the mass of the design."""
     return [Variant("", partial(Structure.uncut, task.surface, task.share * task.preset.statics.thickness))]
 
 
-SAME_MASS = 1e-3  # Largest relative difference in mass.
+SAME_MASS = 1e-3  # largest relative difference between masses that count as equal
 
 Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
-"""(task, share of the surface, tolerance) -> layers to cut with that share of material."""
+"""Function of a task, a share of the surface and a tolerance. It returns layers that cover that share with material."""
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet, without loose pieces, has the area of the task. Wider layers make up for
-    dropped pieces, so that the remaining sheet has the full mass. A second try uses a finer snap, because snapped
-    values make the area jump on coarse meshes. Raises PatternError if the area cannot be met."""
+    """Return the structure whose sheet, without loose pieces, has the area of the task. Layers widen to replace the
+    material
+    of dropped pieces. A second try uses a finer snap, because snapped values make the area jump on coarse meshes.
+    Raises PatternError if no width gives the area.
+    """
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -202,7 +196,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # dropped pieces and joined point contacts need the rest of the tolerance
+        # the rest of the tolerance is for dropped pieces and joined point contacts
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -215,7 +209,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return the structure cut from layers as the preset cuts, without loose pieces and without changes of its mass."""
+    """Return the structure that slicing by the preset cuts from layers. Loose pieces drop, and the mass may change."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -225,7 +219,7 @@ def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure
 
 
 def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
-    """Return the share of the surface that is material under these layers."""
+    """Return the share of the surface that layers cover with material."""
     fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
     tidy = tidy_of(task.preset, task.stressed_surface, layers)
     return material_area(task.surface, fields, levels, task.preset.slicing.snap, tidy) / task.surface.area
@@ -234,15 +228,17 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return both families of a preset in widths that meet the task's area, on modes of `diffusion` or `even`."""
+    """Return both families of a preset, on modes of `diffusion` or on `even`, in widths that give the task's area."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return families of stripes by the width rule of a preset, in widths that meet the task's area. Dead ends go only
-    if the preset asks for it: stripes that ignore the stress consist of them."""
+    """Return families of stripes by the width rule of a preset, in widths that give the task's area. Dead ends go only
+    if the
+    preset requests it, because stripes that ignore the stress consist of dead ends.
+    """
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -257,13 +253,13 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
     return matched_structure(task, drawing)
 
 
-MODES = 3  # Number of first modes in the pairs. A single pair would be a matter of luck where modes repeat.
-PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # Pairs of a major and a minor mode.
-PHASES = (0.0, 0.25, 0.5, 0.75)  # Phases, in periods, of stripes without modes to choose from.
+MODES = 3  # number of modes that form pairs; with a single pair, the result would depend on chance if modes repeat
+PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
+PHASES = (0.0, 0.25, 0.5, 0.75)  # phases (periods) that are tried for stripes without modes
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with plain widths, the pairs of modes, and a function for the modes."""
+    """Stripes that ignore the stress: a preset with plain widths, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -271,30 +267,29 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and equal frequencies on modes with r = 1, with the material of the task."""
-    blind = with_overrides(
-        task.on_modes, {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
-    )
+    """Return stripes of equal width and frequency on modes with r = 1, with the material of the task."""
+    isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
+    blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
     families = blind.pattern.major, blind.pattern.minor
     alike = families[0].stripes == families[1].stripes and families[0].spacing == families[1].spacing
-    # without stress both families share their modes: with equal stripes the pairs (1, 2) and (2, 1) are alike
+    # without stress both families have the same modes, so equal stripes make the pairs (1, 2) and (2, 1) alike
     pairs = [(a, b) for a, b in PAIRS if not alike or a <= b]
     return IsotropicStripes(blind, _distinct_pairs(blind, pairs), diffusion)
 
 
 def isotropic(task: ComparisonTask) -> list[Variant]:
-    """Return all pairs of modes of `isotropic_stripes`."""
+    """Return a variant for each pair of modes of `isotropic_stripes`."""
     return isotropic_variants(task, isotropic_stripes(task))
 
 
 def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Variant]:
-    """Return every pair of modes, in the order of `blind.pairs`."""
+    """Return a variant for each pair of modes, in the order of `blind.pairs`."""
     return _pair_variants(task, blind.preset, blind.diffusion, blind.pairs)
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return the design's tensors and stripes turned by 45 degrees in the tangent plane, for all pairs of modes."""
+    """Return a variant for each pair of modes of the design's tensors, turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -308,7 +303,7 @@ def rotated_stripes(task: ComparisonTask) -> list[Variant]:
 
 
 def von_mises(task: ComparisonTask) -> list[Variant]:
-    """Return one family of stripes of equal width on the von Mises stress, as the paper discusses."""
+    """Return one family of stripes of equal width along level lines of the von Mises stress, as the paper discusses."""
     value = mode_like_field(task.surface, task.statics.answers.stress.largest)
     return [
         Variant(f"phase {phase:g}", partial(_plain_stripes, task, {"von Mises": (value, task.frequency[0])}, phase))
@@ -317,7 +312,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight stripes along the surface's two principal axes: as many as the design has, of equal width."""
+    """Return straight stripes of equal width along the surface's two principal axes, as many as the design has."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -349,15 +344,13 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return (2, 3) unit axes along which the surface is longest. If axes are equally long, the axes of loads and
-    supports decide.
-    """
+    """Return unit axes (2, 3) along which the surface is longest. For equally long axes, loads and supports decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # the small weight decides only on surfaces without a longest axis, like a sphere or a square
+    # the weight is so small that it decides only if no axis is longest, as on a sphere or a square
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 
@@ -382,6 +375,5 @@ def _distinct_pairs(preset: Preset, pairs: Iterable[tuple[int, int]]) -> list[tu
 def _plain_stripes(task: ComparisonTask, fields: dict[str, tuple[Floats, float]], phase: float) -> Structure:
     preset = with_overrides(task.on_modes, {"pattern.width": {"solid_fraction": task.share}})
     stripes = [(name, x, Stripes(frequency, phase)) for name, (x, frequency) in fields.items()]
-    return widened_structure(
-        task, preset, [ModeFamily.from_mode(task.surface, name, stripe, x) for name, x, stripe in stripes]
-    )
+    families = [ModeFamily.from_mode(task.surface, name, stripe, x) for name, x, stripe in stripes]
+    return widened_structure(task, preset, families)

@@ -1,4 +1,4 @@
-"""Topology optimisation by density (SIMP) on a triangle surface, and the competitor cut from its densities."""
+"""Topology optimisation by density (SIMP) on a triangle mesh, and the competitor cut from the densities."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,9 +18,10 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1. A
-    weight is A_f (radius - distance) before it is divided by the sum of its row. The area A_f removes the effect of
-    local refinement [Sigmund 2007].
+    """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
+    A weight is A_f (radius - distance), divided by the sum of its row. The area A_f removes the effect of local
+    refinement
+    [Sigmund 2007].
     """
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
@@ -32,10 +33,8 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
-    """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Sigmund 1997; Andreassen et al. 2011,
-    eq. 11].
-
-    density, sensitivity : (m,) x and s; s is per area of the face.
+    """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
+    density, sensitivity : (m,) x and s; s is per area of the face [Sigmund 1997].
     """
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
@@ -43,7 +42,6 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 @dataclass(frozen=True)
 class Simp:
     """Options of SIMP.
-
     radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
     iterations   : limit for each penalisation; a penalisation ends earlier if no density changes by more than `change`.
     penalisation : final p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
@@ -51,7 +49,6 @@ class Simp:
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
     void         : stiffness of an empty face over that of a full face.
     move         : largest change of a density in a step.
-
     Raises StaticsError for values out of range.
     """
 
@@ -78,15 +75,15 @@ class Simp:
 
     @property
     def penalisations(self) -> Floats:
-        """(steps + 1,) penalisations in their order."""
+        """Penalisations (steps + 1,) in the order of their use."""
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
-        """Return the stiffness of faces (m,), relative to full faces."""
+        """Return the stiffness (m,) of faces over the stiffness of full faces."""
         return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
 
     def slope(self, density: Floats) -> Floats:
-        """Return the derivative (m,) of the stiffness by the density."""
+        """Return the derivative (m,) of the stiffness of faces by their density."""
         return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
 
 
@@ -94,8 +91,8 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each step. Its sheets have densities between 0 and 1, which cannot be
-              built.
+    history : (iterations,) compliance (J) before each step, of sheets that cannot be built: densities lie between 0
+              and 1.
     """
 
     density: Floats
@@ -114,8 +111,9 @@ class Densities:
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
-        large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib
-        loses across itself the stiffness that it gains along itself, so no start leads to ribs.
+        large if both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib loses
+        across
+        itself the stiffness that it gains along itself, so SIMP makes no ribs.
         """
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
@@ -128,14 +126,14 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
+    """Return the densities of the faces with the least compliance for sum (density x face area) = `area`, square
+    metres.
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
-    membrane and bending stiffness alike. Sensitivities are filtered, and densities follow optimality criteria as in
-    top88 [Andreassen et al. 2011]; the matrix is analysed once.
-
-    solid   : (m,) faces that stay material.     weights : one for each load's compliance in the sum; default: 1.
-
-    Raises StaticsError if the sheet is not supported, or if `area` is less than that of the solid faces.
+    membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
+    top88 [Andreassen et al. 2011].
+    solid   : (m,) mask of faces that stay material.     weights : factor on each load's compliance in the sum; default
+              1.
+    Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces.
     """
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -163,32 +161,29 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
     solid_area = float(surface.areas[solid].sum())
     if not solid_area < area < surface.area:
         raise StaticsError(
-            f"SIMP is to use {area:.4g} m2 of a surface of {surface.area:.4g} m2, of which {solid_area:.4g} m2 "
-            "are kept "
-            "anyway; ask for an area between these, or set a smaller pattern.keep or pattern.rim"
+            f"SIMP cannot use {area:.4g} m2: the surface has {surface.area:.4g} m2, and {solid_area:.4g} m2 of it are "
+            "kept; choose an area between these, or set a smaller pattern.keep or pattern.rim"
         )
     return (area - solid_area) / (surface.area - solid_area)
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the sheet of faces whose SIMP density exceeds a limit, which gives the area of the task; see
-    `free_task`.
-    """
+    """Return the faces whose SIMP density exceeds a limit; the limit gives the area of the task (see `free_task`)."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
     """Return the task with two kinds of kept regions: painted regions, and discs around loads and supports. The discs
-    have the radius of the filter. With the preset's rim, the optimiser would spend its material like the preset: on an
-    L-bracket with 30 % of the material it was 3.2 or 5.0 times as soft as the whole plate.
+    have the radius of the filter. The preset's rim is not kept, because it takes most of the material: with the rim, an
+    L-bracket with 30 % of the material was 3.2 or 5.0 times as soft as the whole plate.
     """
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
 def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> Densities:
-    """Return the densities of faces for the area, loads and kept regions of a task, at the mass of that area."""
+    """Return the densities (m,) of faces for the area, loads and kept regions of a task, with self-weight."""
     statics, weights = task.preset.statics, task.preset.followed_weights
     sheet = statics.sheet().model_for(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
@@ -196,12 +191,12 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the structure where densities of faces (m,), averaged around the vertices, exceed a level."""
+    """Return the structure in which densities of faces (m,), averaged around the vertices, exceed a level."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 
 def _cut_structure(task: ComparisonTask, result: Densities) -> Structure:
-    """Return `level_set_structure`; if its sheet falls apart, the error reports the remaining grey share."""
+    """Return `level_set_structure`. If the sheet falls apart, the error reports the share of grey area."""
     try:
         return level_set_structure(task, result.density)
     except PatternError as error:

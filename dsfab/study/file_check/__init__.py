@@ -30,28 +30,15 @@ from dsfab.study.file_check.solid_compliance import SolidCompliance, compared_co
 from dsfab.surface import DEFAULT_TRIANGLES
 
 __all__ = [
-    "SUFFIXES",
-    "Clearance",
-    "Clearances",
-    "Distance",
-    "Fault",
-    "FileCheck",
-    "FileContents",
-    "Finding",
-    "SolidCompliance",
-    "Soundness",
-    "check_contents",
-    "check_file",
-    "deflection_for",
-    "read_shipped",
-    "soundness",
-]
+    "SUFFIXES", "Clearance", "Clearances", "Distance", "Fault", "FileCheck", "FileContents", "Finding",
+    "SolidCompliance", "Soundness", "check_contents", "check_file", "deflection_for", "read_shipped", "soundness",
+]  # fmt: skip
 
 Progress = Callable[[str, str], None]
 
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # Metres. A file with thinner or thicker walls is in another unit.
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres: a file with thinner or thicker walls is in another unit
 
-AGREES, DIFFERS = 0.05, 0.15  # Relative differences of compliance within which solid and shell agree, and contradict.
+AGREES, DIFFERS = 0.05, 0.15  # relative difference of compliance up to which solid and shell agree, or may agree
 
 
 @dataclass(frozen=True)
@@ -68,7 +55,6 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-
     clearances : None for a file that is not closed.       distance, carrying : None if not measured, see `findings`.
     density    : kg/m3, 0 if unknown.
     """
@@ -84,7 +70,7 @@ class FileCheck:
 
     @property
     def mass(self) -> float | None:
-        """Kilograms; None without a density or for an open mesh."""
+        """Mass (kg); None without a density, or for an open mesh."""
         return self.density * self.soundness.volume if self.density and self.soundness.watertight else None
 
     @property
@@ -103,12 +89,10 @@ def check_file(
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
     """Read a file and check its contents.
-
     design  : the expected design; None checks the file alone.
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
     max_triangles : limit for the file (see `read_shipped`).
-
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
     """
     if progress:
@@ -172,7 +156,7 @@ def _cut_and_measured(
     cut = []
     with work_while_waiting(measure):
         if contents.shape and sound.sound:
-            tell("judge", "cutting it in half")
+            tell("judge", "cutting the solid in half")
             cut.append(_cut_finding(contents))
     return cut, next(iter(walls_and_gaps), None), next(iter(distances), None)
 
@@ -190,15 +174,15 @@ def _unit_finding(
 def _cut_finding(contents: FileContents) -> Finding:
     """Check whether OCCT cuts a STEP file in half; a file that cannot be cut may still be a sound solid."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "shape.bin"  # reading the STEP file again would take a third of the time
+        path = Path(folder) / "shape.bin"  # the binary file loads faster than STEP
         path.write_bytes(contents.shape)
         fault, _ = cut_fault(path, contents.path.read_bytes().count(b"ADVANCED_FACE("))
-    why = f"{fault}: to cut it in CAD, write step = 'members' or 'faceted'"
+    why = f"{fault}: for a solid that can be cut in CAD, write step = 'members' or 'faceted'"
     return Finding("cut", "unknown", why) if fault else Finding("cut", "pass")
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else by the file."""
+    """Check the limits of [fabrication]: by the design's measures if the file equals the design, else by the file's."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):
@@ -219,7 +203,7 @@ def _built_measure(check: Check) -> str:
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
-    return f"{length(check.value[0])} in the design, at ({place}) m; asked are {length(check.limit[0])}"
+    return f"{length(check.value[0])} in the design, at ({place}) m; the limit is {length(check.limit[0])}"
 
 
 def _solid_compliance(
@@ -228,7 +212,7 @@ def _solid_compliance(
     if not is_requested:
         return None, "not asked for"
     if not usable:
-        return None, "the file is no sound solid in the right unit"
+        return None, "the file is not a sound solid in the right unit"
     if absent := missing_packages():
         return None, absent
     tell("carry", "filling the solid with tetrahedra and solving it")
@@ -246,4 +230,4 @@ def _compliance_finding(carries: SolidCompliance | None, why: str) -> Finding:
         return Finding("compliance", "pass")
     if difference > DIFFERS:
         return Finding("compliance", "fail")
-    return Finding("compliance", "unknown", f"solid and shell are {difference:.0%} apart; a finer mesh may close that")
+    return Finding("compliance", "unknown", f"solid and shell are {difference:.0%} apart; compare on a finer mesh")

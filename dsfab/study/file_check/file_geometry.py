@@ -19,22 +19,21 @@ from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
-SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # Suffixes of files that can be checked.
-STEP_BEGINS = b"ISO-10303-21"  # First words of every STEP file.
-BY_CONVENTION = "mm"  # Unit of STL files, which do not name a unit; dsfab and workshops use millimetres.
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")  # suffixes of files that can be checked
+STEP_BEGINS = b"ISO-10303-21"  # first word of every STEP file
+BY_CONVENTION = "mm"  # unit of STL files, which do not name a unit; dsfab and workshops use millimetres
 
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""STEP entities of curved faces."""
+"""Words in the text of a STEP file that name curved faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileContents:
     """Contents of a file.
-
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
     unit    : unit of the file's numbers.                   declared : whether the file names its unit.
     metres  : length of that unit in metres.                collapsed : triangles without three different corners.
@@ -70,19 +69,17 @@ def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
     """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
-
     unit : unit of the numbers of an STL file, default millimetres; 3MF and STEP files name their unit.
-    max_triangles : limit for an STL or a 3MF file; the limit keeps reading fast.
+    max_triangles : limit for an STL or a 3MF file, so that huge files are refused early.
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
-
-    Raises SurfaceError or ExportError, with one sentence, for a missing, empty, unreadable or unsuitable file. Raises
-    them also for coordinates that are not finite, and for a unit if the file names its unit.
+    Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, for coordinates that are not
+    finite, and for a unit if the file names its unit.
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
         names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
-        hint = f"give {path / names[0]}" if names else f"`dsfab check` reads {', '.join(SUFFIXES)}, and none is there"
+        hint = f"give {path / names[0]}" if names else f"it has no file that `dsfab check` reads: {', '.join(SUFFIXES)}"
         raise ExportError(f"{path} is a folder; {hint}")
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
@@ -95,9 +92,8 @@ def read_shipped(
         unit_name = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(unit_name)
         V, F, lost = _join_vertices(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
-        contents = FileContents(
-            path, V * metres, F, unit_name, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
-        )
+        reader = "lib3mf" if raw.unit else "trimesh"
+        contents = FileContents(path, V * metres, F, unit_name, raw.unit is not None, metres, lost, reader)
     if not np.isfinite(contents.V).all():
         raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
     if not len(contents.F):
@@ -118,30 +114,21 @@ def _step_contents(path: Path, deflection: float) -> FileContents:
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
     V, F, face, lost = step_triangles(mesh)
     metres = METRES_PER["mm"]
-    chord_error = mesh.deflection * metres if _has_curved_faces(path) else 0.0
-    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", chord_error, mesh.shape, face)
-
-
-def _has_curved_faces(path: Path) -> bool:
     text = path.read_bytes()
-    return any(word in text for word in CURVED)
+    chord_error = mesh.deflection * metres if any(word in text for word in CURVED) else 0.0
+    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", chord_error, mesh.shape, face)
 
 
 def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     points, vertex_numbers = np.unique(V + 0.0, axis=0, return_inverse=True)
-    F, lost = _proper_triangles(vertex_numbers.reshape(-1)[F])
-    return points, F, lost
-
-
-def _proper_triangles(F: Ints) -> tuple[Ints, int]:
+    F = vertex_numbers.reshape(-1)[F]
     is_proper = (np.roll(F, -1, axis=1) != F).all(axis=1)
-    return F[is_proper], int((~is_proper).sum())
+    return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # Triangles of a smaller height over the mesh's size have no normal.
+FLAT = 64 * float(np.finfo(np.float32).eps)  # a triangle of a smaller height over the mesh's size has no normal
 
-
-PARALLEL = float(np.cos(np.radians(3)))  # Neighbouring faces at a larger angle form a tip or a notch.
+PARALLEL = float(np.cos(np.radians(3)))  # neighbouring faces at a larger angle form a tip or a notch
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,7 +144,7 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The thinnest wall and the smallest gap; None without opposite faces."""
+    """The thinnest wall and the smallest gap of a mesh; None if no faces are opposite to each other."""
 
     wall: Clearance | None
     gap: Clearance | None
@@ -166,9 +153,10 @@ class Clearances:
 def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards. Four
     rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts if
-    its face is parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat faces.
-    Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat facets that
-    meet in a point do not count, nor do triangles too low for a normal in single precision. Widths of members are walls
+    the two faces are parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
+    faces. Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat
+    facets
+    that meet in a point, and triangles too low for a normal in single precision, do not count. Members count as walls,
     too.
     """
     N, has_normal = _normals(V, F)
@@ -194,7 +182,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
-    """Return (m, 3) unit normals, and (m,) faces that are high enough to have a normal."""
+    """Return unit normals (m, 3), and a mask (m,) of the faces that are high enough to have a normal."""
     P = V[F]
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     twice = np.linalg.norm(cross, axis=1)
@@ -204,7 +192,6 @@ def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
 
 
 def _neighbours(F: Ints, first_faces: Ints, second_faces: Ints) -> Bools:
-    """Return (k,) pairs of faces that share a corner, or are connected by an edge, as in a tip."""
     n = int(F.max()) + 1
     ends = edge_table(F).ends
     keys = np.sort(ends[:, 0] * n + ends[:, 1])
@@ -223,11 +210,10 @@ MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
-
-    skin      : distance of the skins from their place half a thickness away from the sheet: largest, and mean
+    skin      : largest distance of the skins from their exact place, half a thickness away from the sheet, and the mean
                 (`skin_mean`). Thickness that the design removed in tight bends counts; feet and other extras do not.
-    to_design : largest distance from the file's surface to the design's solid: excess or shift.
-    from_design : largest distance from the design's solid to the file's surface: missing parts or shift.
+    to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
+    from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
     beyond    : largest excess of both distances over the allowance, below 0 if all are within the allowance.
     allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's box over that of the design.
@@ -250,12 +236,12 @@ class Distance:
 
     @property
     def largest(self) -> float:
-        """Larger of both distances to the design's solid, metres."""
+        """Larger of the two distances to the design's solid, metres."""
         return max(self.to_design, self.from_design)
 
     @property
     def meant_unit(self) -> str | None:
-        """Likely unit of the file's numbers, if the scale is off by a unit's factor within 2 %."""
+        """Probable unit of the file's numbers, if the scale is wrong by the factor of a unit, within 2 %."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
@@ -271,7 +257,7 @@ class Allowance:
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
         """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
-        Curved faces may be off by the chord error of the mesh, and their triangles by their deflection.
+        Curved faces may deviate by the chord error of the mesh, and their triangles by their deflection.
         """
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
@@ -279,7 +265,7 @@ class Allowance:
         if not contents.deflection:
             return cls(step_tolerance or SIMPLIFIED_OFF_SURFACE * flat)
         try:
-            curved = curved_design(design)  # the surface of this design may have been cut open
+            curved = curved_design(design)  # this surface may be cut open
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
         except ExportError:  # the design has planar faces only
             limits = None
@@ -304,7 +290,7 @@ def deflection_for(preset: Preset) -> float:
 
 
 def distance(contents: FileContents, design: Design) -> Distance:
-    """Measure the distance at vertices and centres of faces, in both directions."""
+    """Measure the distance between a file and a design at vertices and centres of faces, in both directions."""
     V, F, allowed = contents.V, contents.F, Allowance.from_design(contents, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
@@ -319,7 +305,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # nearer points need no chord errors
+    candidates = np.flatnonzero(offsets > allowed.flat)  # chord errors matter for these points only
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())
@@ -327,7 +313,6 @@ def _farthest(
 
 
 def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
-    """Return the largest deviation of the skins, its place, and the mean deviation by area; 0 without skins."""
     sheet: Surface = design.sheet.surface
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)

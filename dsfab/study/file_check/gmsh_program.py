@@ -3,7 +3,7 @@
     python -P gmsh_program.py IN.npz OUT.npz
 
 IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). The
-program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with it.
+program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with gmsh.
 """
 
 import sys
@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types.
+TRIANGLE, TETRAHEDRON = 2, 4  # gmsh's numbers of element types
 
 
 def tetrahedra(mesh_data: Any) -> tuple[Any, Any]:
-    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid; triangles of the input stay."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid; triangles of the input stay unchanged."""
     import gmsh
 
     gmsh.initialize()

@@ -27,8 +27,8 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.thickening.offset_vectors import SHIFT
 
-NEEDED = ("gmsh", "skfem")  # Packages of the extra `solid`: gmsh makes meshes (GPL), skfem solid elements (BSD-3).
-STEP = (".step", ".stp")  # Suffixes of files that gmsh reads itself.
+NEEDED = ("gmsh", "skfem")  # packages of the extra `solid`: gmsh makes meshes (GPL), skfem solid elements (BSD-3)
+STEP = (".step", ".stp")  # suffixes of files that gmsh itself reads
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class Tetrahedra:
 
 
 def missing_packages() -> str:
-    """Return the reason why no solid model is possible, and the remedy; '' if nothing is missing."""
+    """Return why no solid model is possible, and how to install the missing packages; '' if nothing is missing."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
@@ -52,9 +52,9 @@ def missing_packages() -> str:
 def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
-    gmsh reads STEP files itself and meshes them again; triangles of other files stay and are halved. Raises
-    StaticsError if gmsh fails, takes too long, or fills another volume. Chords of curved faces may change the volume by
-    `CHANGED_VOLUME`.
+    gmsh itself reads STEP files and meshes them again; triangles of other files stay and are halved. Chords of curved
+    faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails, takes too long, or fills a
+    different volume.
     """
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
@@ -86,21 +86,23 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     T = np.where((six < 0)[:, None], T[:, [0, 2, 1, 3]], T)
     long = np.linalg.norm(P[:, [1, 2, 3, 2, 3, 3]] - P[:, [0, 0, 0, 1, 1, 2]], axis=2).max(axis=1)
     if flat := int((np.abs(six) <= 1e-12 * long**3).sum()):
-        raise StaticsError(f"gmsh left {flat} of {len(T)} tetrahedra without volume; the surface has needles")
+        raise StaticsError(
+            f"gmsh left {flat} of {len(T)} tetrahedra without volume; the surface has needle-shaped triangles"
+        )
     filled = float(np.abs(six).sum() / 6)
     if abs(filled - volume) > tolerance * volume:
         raise StaticsError(f"gmsh filled {filled:.6g} m3 of a solid of {volume:.6g} m3")
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # Allowed barycentric distance of a point from its tetrahedron: skins are chords.
+OUTSIDE = 0.25  # allowed barycentric distance of a point from its tetrahedron, because curved skins become chords
 
-LARGEST = 1_200_000  # Limit on the number of unknowns.
+LARGEST = 1_200_000  # limit on the number of unknowns
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N 3, 3); node : (N,) node of each unknown."""
+    """Stiffness K (N, N), N/m, of a solid with nodes `points` (N / 3, 3); node : (N,) node of each unknown."""
 
     mesh: Tetrahedra
     K: csr_array
@@ -133,12 +135,13 @@ class SolidModel:
     def interpolation(self, points: Floats, reach: float) -> csr_array:
         """Return the matrix (3 k, N) from the unknowns to the displacements x, y, z of points (k, 3), point after
         point.
-
-        reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point that lies farther
-                out.
+        reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point at a larger
+                distance.
         """
+        from skfem import ElementTetP2
+
         tet, local = self._locate(points, reach)
-        phi = _shapes(local)  # (10, k)
+        phi = np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])  # (10, k) quadratic shape functions
         k = len(points)
         rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
         columns = self._dofs[:, tet].reshape(10, 3, k)
@@ -146,7 +149,7 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return the best tetrahedron (k,) of each point, among the 40 nearest, and the local coordinates (3, k)."""
+        """Return the best of the 40 nearest tetrahedra (k,) for each point, and the local coordinates (3, k) in it."""
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -166,7 +169,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the unknowns of each tetrahedron (30, k); 20 000 tetrahedra at once take 150 MB."""
+    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. 20 000 tetrahedra at once need 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -174,20 +177,13 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
     K: csr_array | None = None
     for start in range(0, tets.t.shape[1], at_once):
         part = np.arange(start, min(start + at_once, tets.t.shape[1]))
-        basis = Basis(tets, element, elements=part, intorder=2)  # exact, because strains are linear
+        basis = Basis(tets, element, elements=part, intorder=2)  # order 2 is exact, because strains are linear
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
         dofs = basis.dofs.element_dofs
     if K is None:
         raise StaticsError("the solid has no tetrahedra")
     return K, np.asarray(dofs, dtype=np.int64)
-
-
-def _shapes(local: Floats) -> Floats:
-    """Return (10, k) quadratic shape functions at local coordinates (3, k), in scikit-fem's order."""
-    from skfem import ElementTetP2
-
-    return np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -201,9 +197,7 @@ class Holding:
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """Return the compliance f . u (c,), joules, under each force f (N,). Raises StaticsError without enough
-    supports.
-    """
+    """Return the compliances f . u (c,), joules, under c forces f (N,). Raises StaticsError without enough supports."""
     K = csr_array(model.K + holding.rows.T @ (diags_array(holding.stiffness) @ holding.rows))
     scale = 1 / np.sqrt(K.diagonal())
     inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
@@ -223,18 +217,18 @@ EDGE = 1.0
 thicknesses wide, edges of two thicknesses gave compliances that were 2.5 to 5 % too small.
 """
 
-COARSE = 1 / 100  # See `EDGE`; shorter edges on thin sheets would take millions of tetrahedra.
+COARSE = 1 / 100  # see `EDGE`; shorter edges on thin sheets would need millions of tetrahedra
 
-RIGID = 1e3  # Stiffness of a rigid support's spring, over Young's modulus times the thickness.
+RIGID = 1e3  # stiffness of a rigid support's spring, over Young's modulus times the thickness
 
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights of Gauss points over the middle, in half thicknesses, and their weights."""
+"""Heights of Gauss points above the middle, in half thicknesses, and their weights."""
 
 
 @dataclass(frozen=True)
 class SolidCompliance:
     """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
-    tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on its surface, metres.
+    tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on the model's surface, metres.
     elements : names of the shell's elements.
     """
 
@@ -247,18 +241,17 @@ class SolidCompliance:
 
     @property
     def ratio(self) -> float:
-        """Solid over shell: above 1 the file is softer than the sheet."""
+        """Compliance of the solid over that of the shell: above 1 the file is softer than the sheet."""
         return self.solid / self.shell
 
 
 def compared_compliance(contents: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
-
     edge : longest edge on the surface of the solid model, metres; default: one thickness, or a hundredth of the size.
 
     Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the
-    mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in it. Raises
-    StaticsError if gmsh or the solver fails.
+    mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in this plane.
+    Raises StaticsError if gmsh or the solver fails.
     """
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -273,9 +266,8 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
     pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)
     weights = np.array([design.preset.followed_weights[name] for name in loads])
     shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed_weights.items())
-    return SolidCompliance(
-        float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair)
-    )
+    sizes = len(model.mesh.T), model.K.shape[0]
+    return SolidCompliance(float(shell), float(weights @ solid), *sizes, longest, str(pair))
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,13 +282,15 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return (3 k, N) displacements of places (k, 3) of the sheet, averaged through the thickness by three Gauss
-        points. The points are symmetric about the middle, so a force on them has no moment."""
+        """Return the matrix (3 k, N) to displacements of places (k, 3) of the sheet, means of three Gauss points
+        through the
+        thickness. The Gauss points are symmetric about the middle, so a force on them has no moment.
+        """
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge in the sheet."""
+        """Return the matrix (r, N) to relative displacements of the outer Gauss points, square to each marked edge."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -308,7 +302,9 @@ class SupportPoints:
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
         """Return places (k, 3) on marked edges, at most half a thickness apart, with the face normal and the edge
-        there. A line with fewer fixed points would give way between them, unlike a fixed shell."""
+        there.
+        With fewer fixed points, a line would give way between the points, unlike a fixed shell.
+        """
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -317,11 +313,8 @@ class SupportPoints:
         share = ((number + 0.5) / count[edge_numbers])[:, None]
         face = table.order[table.start[:-1][edges]] // 3
         along = end - start
-        return (
-            start[edge_numbers] + share * along[edge_numbers],
-            self.sheet.normals[face][edge_numbers],
-            along[edge_numbers],
-        )
+        places = start[edge_numbers] + share * along[edge_numbers]
+        return places, self.sheet.normals[face][edge_numbers], along[edge_numbers]
 
     def _level(self, places: Floats, normals: Floats, height: float) -> csr_array:
         lift = (self.shift + height) * self.thickness / 2
@@ -336,7 +329,9 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges with equal held directions
+    for axes in np.unique(
+        middles[middles.any(axis=1)], axis=0
+    ):  # a loop over groups of edges with equal held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

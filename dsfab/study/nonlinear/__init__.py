@@ -1,28 +1,27 @@
-"""Load at which a design buckles or snaps, with large displacements, by CalculiX."""
+"""Load at which a design buckles or snaps, with large displacements, computed by CalculiX."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.messages import length
 from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import with_overrides
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-CANDIDATE, JUMP = 10.0, 5.0  # Least movement of a snap over that of the first and of the previous step, for equal load.
+CANDIDATE, JUMP = 10.0, 5.0  # least displacement per load in a snap, over that of the first and of the previous step
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
     """Result of CalculiX for a design under one case.
-
     linear    : factor on the loads at which the perfect solid buckles by linear theory.
     limit     : factor at which the imperfect solid fails, or the largest factor of the path.
     given_way : True if the solid fails at `limit`.
     imperfection : largest imperfection, metres; its shape is that of the buckling mode.
-    moved     : metres, the largest displacement under the loads, or at the limit if that is less.
+    moved     : largest displacement (m) under the loads, or at the limit if the limit is below the loads.
     load, u   : the path: factors (k,), and the largest displacement (k,), metres.    triangles : number in the sheet.
     edge      : edge length (m) of the surface that was cut again for this check; 0 for the design's own sheet.
     minutes   : time limit of each run of CalculiX if it ended the path early; else 0.
@@ -46,7 +45,7 @@ class NonlinearCheck:
         how, stop = f"gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
             how = f"followed to {self.limit:.3g} times its load"
-            stop = f", then stopped because {self.minutes:.3g} minutes were over (--minutes): it may bear more"
+            stop = f", then stopped at the time limit of {self.minutes:.3g} minutes (--minutes): it may bear more"
         elif not self.given_way:
             how = f"bears {self.limit:.3g} times its load, and may bear more"
         mesh = f" of a surface with edges of {length(self.edge)}, cut without fillets" if self.edge else ""
@@ -65,17 +64,15 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """Return the share of its load that the cut sheet of a design bears, as a solid, with large displacements.
-
+    """Return the factor on its loads that the cut sheet of a design bears, as a solid, with large displacements.
     case         : case or combination; default: the first combination, or else the first case.
     imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
     edge         : edge length (m) of the surface that is cut for the check, or 0: see `without_fillets`.
-
-    Raises StaticsError for springs, a time of 0, loads that the sheet does not carry, and a missing or failing
-    CalculiX.
+    Raises StaticsError for springs, a time of 0, loads that the sheet does not carry, and if CalculiX is missing or
+    fails.
     """
     if not minutes > 0:
-        raise StaticsError(f"{minutes:g} minutes are no time for CalculiX; give it --minutes 60, or more")
+        raise StaticsError(f"a time limit of {minutes:g} minutes is too short for CalculiX; give --minutes 60, or more")
     require_ccx()
     requested_design, design = design, without_fillets(design, edge, progress)
     cases, surface = design.statics.cases, design.surface
@@ -84,10 +81,15 @@ def nonlinear_check(
         raise StaticsError(f"{name!r} is no load case of this design; use one of {', '.join(cases)}")
     amount = float(np.ptp(surface.V, axis=0).max()) * (1 / 300) if imperfection is None else imperfection
     if not 0 <= amount < surface.size:
-        raise StaticsError(f"an imperfection of {amount:g} m is none of this design; give metres, for instance 0.02")
+        raise StaticsError(
+            f"an imperfection of {amount:g} m is negative or larger than the design; give metres, for instance 0.02"
+        )
     sheet, statics = design.sheet, design.preset.statics
     load = loads_on(surface, sheet, {name: cases[name].load})[name]
-    normal = sheet.carry(_vertex_normals(surface.V, surface.F, surface.normals * surface.areas[:, None]))
+    normal = np.zeros_like(surface.V)
+    for corner in surface.F.T:
+        np.add.at(normal, corner, surface.normals * surface.areas[:, None])
+    normal = sheet.carry(normal)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     model = solid_model(sheet.surface, normal, statics.thickness, statics.elastic, load)
     result = solid_check(model, name, amount, 60 * minutes, progress)
@@ -95,30 +97,24 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """Return the design with sharp corners of openings, because fillets are half of a dome's triangles.
+    """Return the design with sharp corners of openings, because fillets are half of a dome's triangles. Fillets change
+    linear buckling by 0.4 % only.
     edge : edge length (m) of the cut surface if the design's edges are shorter; 0 leaves the design unchanged. A mesh
-           that the design takes unchanged from its file stays. Fillets change linear buckling by 0.4 % only. Raises
-           StaticsError for an edge that is negative or longer than the surface.
+           that the design takes unchanged from its file stays.
+    Raises StaticsError for an edge that is negative or longer than the surface.
     """
     if edge is not None and not 0 <= edge < design.surface.size:
-        raise StaticsError(f"edges of {edge:g} m are none of this design; give metres, for instance 0.5, or 0")
+        raise StaticsError(
+            f"edges of {edge:g} m are negative or longer than the surface; give metres, such as 0.5, or 0"
+        )
     changes: dict[str, float] = {}
     if edge and 0 < getattr(design.preset.surface, "edge", 0.0) < edge:
         changes["surface.edge"] = edge
     if edge != 0 and design.preset.pattern.fillet:
         changes["pattern.fillet"] = 0.0
-    return (
-        Design.from_preset(with_overrides(design.preset, changes), design, progress).until("slicing")
-        if changes
-        else design
-    )
-
-
-def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
-    normals = np.zeros_like(V)
-    for corner in F.T:
-        np.add.at(normals, corner, normal)
-    return normals
+    if not changes:
+        return design
+    return Design.from_preset(with_overrides(design.preset, changes), design, progress).until("slicing")
 
 
 def solid_check(
@@ -128,14 +124,17 @@ def solid_check(
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     linear, mode = lowest_buckling(model, seconds)
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # the imperfection points in the direction of the loads
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # the imperfection is along the loads
     middle = model.solid.columns[:, 2]
     watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
     largest_factor = 1.2 * linear  # load factor at the end of the path
     progress("nonlinear", f"loads up to {largest_factor:.3g} times theirs, with large displacements")
     start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (largest_factor,), watched, seconds, last_point)
-    if not _has_no_equilibrium(path) and (fine := softest_range(path)) is not None:
+    limit_step, given_way = limit_of(path)
+    # without equilibrium under a slightly larger load, finer steps are useless
+    has_no_equilibrium = given_way and limit_step == len(path.load) - 1
+    if not has_no_equilibrium and (fine := softest_range(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
         closer = load_path(model, start, fine, watched, seconds, last_point)
         path = closer if limit_of(closer)[1] else path
@@ -143,20 +142,14 @@ def solid_check(
     load, u = path.load, np.linalg.norm(path.u, axis=2).max(axis=1)
     moved = float(np.interp(min(1.0, load[limit_step]), load[: limit_step + 1], u[: limit_step + 1]))
     wedges, minutes = len(model.solid.elements), seconds / 60 if path.late and not given_way else 0.0
-    return NonlinearCheck(
-        case, linear, float(load[limit_step]), given_way, imperfection, moved, load, u, wedges, minutes=minutes
-    )
-
-
-def _has_no_equilibrium(path: LoadPath) -> bool:
-    """Return True if a slightly larger load has no equilibrium, so that finer steps are useless."""
-    limit_step, given_way = limit_of(path)
-    return given_way and limit_step == len(path.load) - 1
+    limit = float(load[limit_step])
+    return NonlinearCheck(case, linear, limit, given_way, imperfection, moved, load, u, wedges, minutes=minutes)
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return the load factors around the step that moves the structure most for its load. Returns None if no step moves
-    it much farther than the first, or if the factors differ by less than 2 %.
+    """Return the load factors around the step with the largest displacement per load. Return None if no step exceeds
+    the
+    first step by far, or if the factors differ by less than 2 %.
     """
     moves = _relative_moves(path)
     step = int(moves.argmax())
@@ -168,7 +161,7 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
     """Return the last step of a path that the structure bears, and whether the structure fails after that step. It
     fails if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves it over
     `JUMP` times as far as the previous step and over `CANDIDATE` times as far as the first step. A path that ends early
-    also counts as failure, unless the time ran out.
+    also counts as failure, unless the time limit ended it.
     """
     moves = _relative_moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
@@ -179,7 +172,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 
 def last_point(path: LoadPath) -> int | None:
-    """Return the point at which a path may stop, or None: the end of a snap, or a soft point without equilibrium. At a
+    """Return the point at which a path may stop: the end of a snap, or a soft point without equilibrium; else None. At
+    a
     soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the structure
     over twice as far as the first step, and a load increment under 2.5 % failed.
     """
@@ -192,7 +186,7 @@ def last_point(path: LoadPath) -> int | None:
 
 
 def _relative_moves(path: LoadPath) -> Floats:
-    """Return the movement of each step for its load, over that of the first step (k - 1,)."""
+    """Return the displacement of each step for its load, over that of the first step (k - 1,)."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

@@ -1,4 +1,4 @@
-"""Parametric sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives interruptions.
+"""Parameter sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives interruptions.
 
 plan        sweep files: values, constraints, and their strict checks
 metrics     quantities that a sweep can measure

@@ -30,8 +30,9 @@ NAME = "coordinator.lock"
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
     """Lock a sweep folder, so that a single process coordinates the sweep. The lock is a file of SQLite; the system
-    releases it when the process ends. A text file names the process that holds the lock. Raises DsfabError while
-    another process holds it.
+    releases the lock when the process ends. A text file names the process. Raises DsfabError while another process
+    holds
+    the lock.
     """
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
@@ -62,7 +63,7 @@ def _held_by(holder: Path) -> str:
 
 CSV, PARQUET = "results.csv", "results.parquet"
 
-PICTURES = "pictures"  # Folder of the pictures.
+PICTURES = "pictures"  # folder of the pictures
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
@@ -71,7 +72,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return feasible runs, the best of a metric first; `ABOUT` defines whether more or less is better."""
+    """Return feasible runs, the best of a metric first; `ABOUT` says whether more or less is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -80,27 +81,28 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return runs that no other run beats in both metrics, the best of `first_metric` first."""
+    """Return runs that no other run exceeds in both metrics, the best of `first_metric` first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
-    # ties in the first metric are sorted by the second
     first_sign = -1 if ABOUT[first_metric].better == "more" else 1
-    for row in sorted(
-        usable, key=lambda row: (first_sign * row.metrics[first_metric], sign * row.metrics[second_metric], row.number)
-    ):
+
+    def rank(row: RunRow) -> tuple[float, float, int]:  # the second metric decides between equal runs
+        return first_sign * row.metrics[first_metric], sign * row.metrics[second_metric], row.number
+
+    for row in sorted(usable, key=rank):
         if not front or sign * row.metrics[second_metric] < sign * front[-1].metrics[second_metric]:
             front.append(row)
     return front
 
 
 def picture_of(row: RunRow) -> str:
-    """Return the picture of a run, relative to the sweep's folder; '' without one."""
+    """Return the path of a run's picture, relative to the sweep's folder; '' without a picture."""
     return next((name for name in row.files if name.startswith(f"{PICTURES}/")), "")
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return one record for each run; Design Explorer reads `in:KEY`, `out:METRIC` and `img`."""
+    """Return one record for each run; the program Design Explorer reads `in:KEY`, `out:METRIC` and `img`."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -118,7 +120,7 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError."""
+    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError if writing fails."""
     if not table:
         return []
     text = StringIO()
@@ -155,12 +157,10 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}  # Keys that do not change the runs. A user may change them before a sweep continues.
+HARMLESS = {"constraints"}  # keys that may change before a sweep continues, because the runs do not depend on them
 
-RENEWING = {"metrics", "keep", "formats", "size", "view"}  # Keys for which --extend repeats all runs.
-
-
-TRIED_AGAIN: tuple[State, ...] = ("killed",)  # States of runs that a new session repeats by default.
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # keys after whose change --extend repeats all runs
+TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
 
 @dataclass(frozen=True)
@@ -173,14 +173,14 @@ class SweepFolder:
 
     @classmethod
     def from_folder(cls, path: Path) -> "SweepFolder":
-        """Return the sweep in a folder. Raises DsfabError if the folder holds none."""
+        """Return the sweep in a folder. Raises DsfabError if the folder holds no sweep."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         plan = load_plan(path / SWEEP)
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the input of workers; ship_mesh : True if the workers cannot read the preset's mesh file."""
+        """Return the input of workers. ship_mesh : True if the workers cannot read the preset's mesh file."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -235,7 +235,7 @@ class SweepFolder:
         return write_tables(self.path, records(self.rows(), self.plan.measured_metrics, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and its log if it failed. Raises ExportError."""
+        """Write the files of a run, and its log if the run failed. Raises ExportError if the folder is not writable."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
@@ -251,7 +251,7 @@ class SweepFolder:
         ended = "was killed" if outcome.killed else f"failed after {outcome.seconds:.2f} s"
         return (
             f"run {outcome.number} of {self.preset.name} {ended}\n\n{outcome.error}\n\n"
-            f"what it changed:\n{values}\n\nwhat was measured before:\n{measured}\n"
+            f"changed values:\n{values}\n\nmetrics before the end:\n{measured}\n"
             + (f"\n{outcome.log}" if outcome.log else "")
         )
 
@@ -268,9 +268,9 @@ def prepare(
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
-    extend  : adds the runs of a changed plan and loses none; new metrics or files repeat all runs. Without `extend`, a
-              changed plan raises DsfabError.
-
+    extend  : whether to add the runs of a changed plan to the recorded runs; new metrics or files repeat all runs.
+              Without
+              `extend`, a changed plan raises DsfabError.
     Invalid keys and values raise PresetError.
     """
     preset, runs = checked_plan(plan) if checked is None else checked
@@ -279,13 +279,14 @@ def prepare(
     with Store.create(folder) as store:
         recorded_plan, old_preset = store.meta("plan"), store.meta("preset")
         if recorded_plan is not None:
-            changed = _changed_keys(recorded_plan, settled) - HARMLESS
+            was, now = tomllib.loads(recorded_plan), tomllib.loads(texts["plan"])
+            changed = {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))} - HARMLESS
             if old_preset != texts["preset"]:
                 raise DsfabError(f"{folder} holds a sweep of another preset; choose another folder with -o")
             if changed and not extend:
                 raise DsfabError(
-                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); add --extend to add what is "
-                    "new to it, or choose another folder with -o"
+                    f"{folder} holds another sweep ({', '.join(sorted(changed))} differ); add --extend to add the new "
+                    "runs to it, or choose another folder with -o"
                 )
             if changed & RENEWING:
                 store.reset_to_waiting(("done", "failed", "killed"))
@@ -296,7 +297,7 @@ def prepare(
 
 
 def sweep_folder(folder: Path) -> Path:
-    """Create a folder for a sweep. Raises ExportError."""
+    """Create a folder for a sweep and return its path. Raises ExportError if the folder cannot be created."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -310,11 +311,6 @@ def _portable_plan(plan: Plan, runs: list[dict[str, Any]]) -> Plan:
         columns = {key: tuple(changes[key] for changes in runs) for key in runs[0]}
         update.update(sampling="grid", linked=(columns,))
     return plan.model_copy(update=update)
-
-
-def _changed_keys(old: str, new: Plan) -> set[str]:
-    was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
-    return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
 
 
 def _write(path: Path, content: bytes) -> None:

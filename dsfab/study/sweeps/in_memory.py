@@ -1,7 +1,7 @@
 """Sweeps in memory: all combinations of values, in an order in which designs share their stages."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Any
@@ -13,13 +13,11 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import STAGES, Preset
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 
-Signature = tuple[str, ...]  # Values of a run for each stage, as text, in the order of the stages.
+Signature = tuple[str, ...]  # values of a run for each stage, as text, in the order of the stages
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:
-    """Return a text for each stage from the values of its keys. Two runs share the stages up to the first different
-    text.
-    """
+    """Return a text for each stage from the values of its keys. Two runs share all stages before different texts."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -29,21 +27,20 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return indices of the runs in an order that shares stages: keys of early stages vary slowest. Values of a stage
-    keep the order in which they first appear.
+    """Return indices of the runs in an order that shares stages: keys of early stages change least often. Values of a
+    stage keep the order in which they first appear.
     """
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
         for place, text in zip(places, texts, strict=True):
             place.setdefault(text, len(place))
-    return sorted(
-        range(len(runs)), key=lambda i: [place[text] for place, text in zip(places, signatures[i], strict=True)]
-    )
+    ranks = [[place[text] for place, text in zip(places, texts, strict=True)] for texts in signatures]
+    return sorted(range(len(runs)), key=ranks.__getitem__)
 
 
 class Rows:
-    """Waiting runs, in rows: one row for each worker, and a row of unassigned runs."""
+    """Waiting runs in rows: one row for each worker, and a row of runs without a worker."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Mapping[str, Any]]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -53,19 +50,19 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the next run of a worker; an empty row takes part of the longest row."""
+        """Return the next run of a worker. If its row is empty, the worker takes part of the longest row."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """Return a run that the next free worker must try again."""
+        """Put back a run that the next free worker must try again."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Release the row of a worker that left."""
+        """Give the row of a worker that left to all workers."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:
@@ -94,33 +91,29 @@ def sweep(
     metrics: Mapping[str, Metric] | Sequence[str] = BASIC,
     keep: Callable[[Mapping[str, Any], Design], None] | None = None,
 ) -> list[Run]:
-    """Run every combination of the values in `vary`, with the last key running fastest.
-
+    """Run every combination of the values in `vary`; the value of the last key changes most often.
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
     metrics : names from `METRICS`, or functions of a Design by name.
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
-
     The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
     stages that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
     folder, in many processes, which can continue after a stop.
-
     Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
     measured = _metrics(metrics)
     combinations = [dict(zip(vary, values, strict=True)) for values in product(*vary.values())]
     presets = [with_overrides(preset, changes) for changes in combinations]
     runs: dict[int, Run] = {}
-    for index, design, error in _designs(presets, stage_order(combinations)):
+    design: Design | None = None
+    for index in stage_order(combinations):
         changes = combinations[index]
-        if design is None:
-            runs[index] = Run(changes, {}, error)
-            continue
         try:
+            design = draft(presets[index], earlier=design)
             runs[index] = Run(changes, {name: measure(design) for name, measure in measured.items()})
             if keep:
                 keep(changes, design.until("thickening"))
-        except DsfabError as refusal:
-            runs[index] = Run(changes, {}, str(refusal))
+        except DsfabError as error:
+            runs[index] = Run(changes, {}, str(error))
     return [runs[index] for index in range(len(presets))]
 
 
@@ -134,14 +127,4 @@ def _metrics(metrics: Mapping[str, Metric] | Sequence[str]) -> dict[str, Callabl
 
 
 def _after_thickening(metric: Metric) -> Callable[[Design], float]:
-    return lambda made: float(metric(made.until("thickening")))
-
-
-def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
-    previous: Design | None = None
-    for index in order:
-        try:
-            previous = draft(presets[index], earlier=previous)
-            yield index, previous, ""
-        except DsfabError as error:
-            yield index, None, str(error)
+    return lambda design: float(metric(design.until("thickening")))

@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibria under the loads that its pattern follows, by name, solved once. Raises
-    StaticsError.
+    """Return the cut sheet's equilibria, by name of the load that its pattern follows. They are solved once. Raises
+    StaticsError if the sheet does not carry its loads.
     """
 
     def solve() -> dict[str, Equilibrium]:
@@ -42,7 +42,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the full verdict on a design's cut sheet under the loads that its pattern follows, solved once."""
+    """Return the full verdict on a design's cut sheet under the loads that its pattern follows. It is computed once."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -52,18 +52,9 @@ def verdict(design: Design) -> Verdict:
     return design.cached_result("slicing", "verdict", run_check)
 
 
-Metric = Callable[[Design], float]  # Function of a design that returns a number.
+Metric = Callable[[Design], float]
 
-NARROWEST = 0.1  # Share of the area that `min_width` omits, because modes have no slope at singular points.
-
-
-def _kept_share(design: Design) -> float:
-    return design.sheet.surface.area / design.surface.area
-
-
-def _sheet_mass(design: Design) -> float:
-    statics = design.preset.statics
-    return design.sheet.surface.area * statics.thickness * statics.density
+NARROWEST = 0.1  # share of the area that `min_width` omits, because modes have no slope at singular points
 
 
 def _loose(design: Design) -> float:
@@ -73,10 +64,12 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width across the stripes, 2 d / |grad z| on faces of material; the lesser of both families."""
+    """Return the width across the stripes, 2 d / |grad z| on faces of material, of the narrower family."""
     pattern = design.pattern
     if pattern.even is not None:
-        return _even_min_width(design)
+        chart_pattern = stripes_on_chart(design)
+        widths, areas = zip(*(chart_pattern.member_widths(k) for k in (0, 1)), strict=True)
+        return _lower_share(np.concatenate(widths), np.concatenate(areas), NARROWEST)
     families = (("major", design.diffusion.major), ("minor", design.diffusion.minor))
     width, area = [np.zeros(0)], [np.zeros(0)]
     for (name, modes), number, frequency in zip(families, pattern.mode, pattern.frequency, strict=True):
@@ -91,19 +84,12 @@ def _min_width(design: Design) -> float:
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
-def _even_min_width(draft: Design) -> float:
-    chart_pattern = stripes_on_chart(draft)
-    width, area = zip(*(chart_pattern.member_widths(k) for k in (0, 1)), strict=True)
-    return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
-
-
 def _slopes(design: Design, z: Floats) -> Floats:
     gradient = np.einsum("mcx,mc->mx", hat_gradients(design.surface), z[design.surface.F])
     return np.asarray(np.linalg.norm(gradient, axis=1))
 
 
 def _lower_share(values: Floats, weights: Floats, share: float) -> float:
-    """Return the value below which `share` of the weights lies; infinite without weights (no stripe is left)."""
     if not weights.sum() > 0:
         return float("inf")
     order = np.argsort(values)
@@ -116,7 +102,6 @@ def _quality(design: Design) -> PatternQuality:
 
 
 def _symmetry_error(design: Design) -> float:
-    """Return the error of the pattern's symmetry, or of the symmetry that the mesh shows; 0 without one."""
     group = used_symmetry(design)
     if group is None:
         loads = list(design.statics.loads(design.preset.followed_weights).values())
@@ -143,10 +128,8 @@ def _buckling(design: Design) -> float:
 def _stress(design: Design) -> float:
     surface = design.sheet.surface
     sheet = design.preset.statics.sheet().model_for(surface)
-    stresses = [
-        sheet_stress(sheet, answer.elements, answer).largest for answer in cut_equilibria(design, "stress").values()
-    ]
-    return max(quantile(value, surface.areas) for value in stresses)
+    answers = cut_equilibria(design, "stress").values()
+    return max(quantile(sheet_stress(sheet, a.elements, a).largest, surface.areas) for a in answers)
 
 
 def _ersatz(design: Design) -> float:
@@ -167,11 +150,6 @@ def _verdict(design: Design) -> float:
     return float(sum(weight * result.case(name).value for name, weight in design.preset.followed_weights.items()))
 
 
-def _verdict_bound(design: Design) -> float:
-    result = verdict(design)
-    return max(result.case(name).bound for name in design.preset.followed_weights)
-
-
 def _ratio_to_alternative(design: Design, name: str) -> float:
     alternative = next(candidate for candidate in design_alternatives(design) if candidate.name == name)
     return float("nan") if alternative.error else alternative.over
@@ -179,13 +157,15 @@ def _ratio_to_alternative(design: Design, name: str) -> float:
 
 METRICS: dict[str, Metric] = {
     "area": lambda design: design.sheet.surface.area,
-    "kept_share": _kept_share,
+    "kept_share": lambda design: design.sheet.surface.area / design.surface.area,
     "volume": lambda design: design.solid.volume,
     "mass": lambda design: design.mass,
     "pieces": lambda design: float(len(design.slicing.pieces)),
     "genus": lambda design: float(design.solid.genus),
     "compliance_uncut": lambda design: design.statics.equilibrium.compliance,
-    "sheet_mass": _sheet_mass,
+    "sheet_mass": lambda design: (
+        design.sheet.surface.area * design.preset.statics.thickness * design.preset.statics.density
+    ),
     "loose": _loose,
     "pinches": lambda design: float(design.slicing.pinches),
     "min_width": _min_width,
@@ -201,7 +181,7 @@ METRICS: dict[str, Metric] = {
     "stress": _stress,
     "buckling": _buckling,
     "verdict": _verdict,
-    "verdict_bound": _verdict_bound,
+    "verdict_bound": lambda design: max(verdict(design).case(x).bound for x in design.preset.followed_weights),
     "ersatz": _ersatz,
     "over_thinner": lambda design: _ratio_to_alternative(design, "thinner"),
     "over_isotropic": lambda design: _ratio_to_alternative(design, "isotropic"),
@@ -209,7 +189,7 @@ METRICS: dict[str, Metric] = {
 """Metrics of a sweep in SI units: functions of a Design; `ABOUT` describes their accuracy."""
 
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""Default metrics of `dsfab.sweep`, which need no solve beyond those of the design itself."""
+"""Default metrics of `dsfab.sweep`; they need no additional solve."""
 
 Better = Literal["less", "more", ""]
 
@@ -232,56 +212,35 @@ ABOUT: Mapping[str, MetricFacts] = {
     "pieces": MetricFacts("", "less", "slicing", "connected parts of the kept sheet"),
     "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
     "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the surface before it is cut"),
-    "sheet_mass": MetricFacts(
-        "kg", "less", "slicing", "area x thickness x density: the mass, without making the solid"
-    ),
+    "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density: a mass that needs no solid"),
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
     "min_width": MetricFacts("m", "more", "slicing", "width across the stripes; a tenth of their area may be narrower"),
-    "evenness": MetricFacts(
-        "", "less", "pattern", "widest over narrowest spacing of members, P95/P5; the worse family"
-    ),
+    "evenness": MetricFacts("", "less", "pattern", "widest over narrowest member spacing, P95/P5; the worse family"),
     "dead_ends": MetricFacts("", "less", "pattern", "ends of members that meet nothing, and members that turn back"),
     "slits": MetricFacts("", "less", "pattern", "openings narrower than the members beside them"),
-    "deviation": MetricFacts(
-        "degrees", "less", "pattern", "members off the stress, weighed by its size; the worse family"
-    ),
+    "deviation": MetricFacts("degrees", "less", "pattern", "angle from members to stress, weighted by the stress"),
     "crossing_angle": MetricFacts("degrees", "more", "pattern", "smallest angle between two members that cross"),
     "symmetry_error": MetricFacts("", "less", "pattern", "share of the surface where material differs from its image"),
     "compliance": MetricFacts(
-        "J",
-        "less",
-        "slicing",
-        f"one solve {_CUT}, {elements_of('compliance_once')}: typically within 2 %, nine in ten within 5 %",
+        "J", "less", "slicing", f"one solve {_CUT}, {elements_of('compliance_once')}: within 5 % for nine in ten"
     ),
     "compliance_quick": MetricFacts(
         "J", "less", "slicing", f"one solve {_CUT}, {elements_of('ranking')}: ranks designs, 5 to 15 % off"
     ),
     "displacement": MetricFacts("m", "less", "slicing", f"largest displacement of the solve of `compliance`, {_CUT}"),
-    "stress": MetricFacts(
-        "Pa", "less", "slicing", f"von Mises stress that 99 % of the area does not exceed, {_CUT}; peaks are no numbers"
-    ),
+    "stress": MetricFacts("Pa", "less", "slicing", f"von Mises stress that 99 % of the area does not exceed, {_CUT}"),
     "buckling": MetricFacts(
         "",
         "more",
         "slicing",
-        f"lowest factor of linear buckling {_CUT}, often 4 to 8 % low; shells buckle at a fifth to a half of it",
+        f"linear buckling factor {_CUT}, often 4 to 8 % low; shells reach a fifth to a half of it",
     ),
-    "verdict": MetricFacts(
-        "J", "less", "slicing", "compliance by the full verdict, refined and extrapolated: ten solves"
-    ),
-    "verdict_bound": MetricFacts(
-        "", "less", "slicing", f"share that `verdict` may be off; over {CONVERGED:g} it has not converged"
-    ),
-    "over_thinner": MetricFacts(
-        "", "less", "slicing", "compliance over that of a thinner whole sheet of the same mass: above 1 it loses"
-    ),
-    "over_isotropic": MetricFacts(
-        "", "less", "slicing", "compliance over that of the best isotropic stripes of the same mass: above 1 it loses"
-    ),
-    "ersatz": MetricFacts(
-        "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"
-    ),
+    "verdict": MetricFacts("J", "less", "slicing", "compliance by the full verdict, which takes about ten solves"),
+    "verdict_bound": MetricFacts("", "less", "slicing", f"error bound of `verdict`; converged up to {CONVERGED:g}"),
+    "over_thinner": MetricFacts("", "less", "slicing", "compliance over that of a thinner sheet of the same mass"),
+    "over_isotropic": MetricFacts("", "less", "slicing", "compliance over that of isotropic stripes of the same mass"),
+    "ersatz": MetricFacts("J", "less", "slicing", "rough compliance of the uncut mesh, with thinner faces for gaps"),
 }
 """Description of each metric."""
 

@@ -20,13 +20,11 @@ from dsfab.preset.file import load_preset, require_mesh
 from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import METRICS
 
-DIGITS = 6  # Significant digits of the values in a range.
+DIGITS = 6  # significant digits of the values in a range
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included, with equal steps or equal factors; whole numbers if both ends are
-    whole.
-    """
+    """Values from `from` to `to`, both included, in equal steps or factors; whole numbers if both ends are whole."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
@@ -42,18 +40,18 @@ class Range(BaseModel):
         if not self.start < self.to:
             raise ValueError(f"from = {self.start} must be smaller than to = {self.to}")
         if self.log and self.start <= 0:
-            raise ValueError(f"log runs over positive numbers, from = {self.start} is none")
+            raise ValueError(f"log needs positive numbers, and from = {self.start} is not positive")
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at u in 0..1 of the range; each whole number takes an equal share of 0..1."""
+        """Return the value at the place u in 0..1 of the range; each whole number has an equal share of 0..1."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
     def grid_values(self) -> list[int | float]:
-        """Return `count` values with both ends."""
+        """Return `count` values, with both ends of the range."""
         steps = self.count or 1
         values = [self._interpolate(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
@@ -72,19 +70,19 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """A direction of the space of designs: keys that move together, over a range or rows of values."""
+    """A direction of the space of designs: keys that change together, over a range or rows of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def grid_changes(self) -> list[dict[str, Any]]:
-        """Return all changes along the axis."""
+        """Return the changes at all grid points of the axis."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.grid_values()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the change at u in 0..1; each row takes an equal share of 0..1."""
+        """Return the changes at the place u in 0..1; each row has an equal share of 0..1."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -102,7 +100,7 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay,
-    because they are values like those after --set. Empty tables stay too.
+    because they are values like those after --set. Empty tables stay, too.
     """
     entries: dict[str, Any] = {}
     for key, value in table.items():
@@ -125,7 +123,7 @@ _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z
 
 
 def _equal(value: float, limit: float) -> bool:
-    return abs(value - limit) <= 1e-3 * abs(limit)  # so a share of 0.4003 meets 40 %
+    return abs(value - limit) <= 1e-3 * abs(limit)  # a share of 0.4003 equals 40 %
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -135,7 +133,7 @@ _HOLDS: dict[str, Callable[[float, float], bool]] = {
     ">": operator.gt,
     "==": _equal,
     "=": _equal,
-    "!=": lambda one, other: not _equal(one, other),
+    "!=": lambda value, limit: not _equal(value, limit),
 }
 
 
@@ -166,12 +164,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Return True if measured values meet the constraint; without its metric the result is False."""
+        """Return True if measured values meet the constraint; a missing metric does not meet it."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the miss as a share of the limit: 0 if met, infinite if the metric is missing."""
+        """Return the distance to the limit over the limit: 0 if the limit is met, infinite without the metric."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -189,11 +187,11 @@ def _kind_of_values(values: Any) -> str:
 
 Values = Annotated[Annotated[Range, Tag("range")] | Annotated[Listed, Tag("list")], Discriminator(_kind_of_values)]
 
-USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # Default metrics of `dsfab sweep`.
+USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")  # default metrics of `dsfab sweep`
 
 
 class Search(BaseModel):
-    """[search]: minimise (or maximise) a metric instead of sampling."""
+    """Section [search]: the metric to minimise or maximise, in place of a sampling."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -207,7 +205,7 @@ class Search(BaseModel):
 
 
 class Plan(BaseModel):
-    """A sweep file. Its paths are relative to its folder."""
+    """Content of a sweep file; its paths are relative to the file's folder."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -216,11 +214,11 @@ class Plan(BaseModel):
     mesh: str | None = None
     """Mesh file that replaces the preset's surface."""
     set: dict[str, Any] = {}
-    """Dotted keys and values of all runs."""
+    """Values that all runs share, by dotted key."""
     vary: dict[str, Values] = {}
     """Dotted keys, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
-    """Tables of keys that move together: lists of equal length."""
+    """Tables of keys whose values change together: lists of equal length."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
     """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: one run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0
@@ -228,11 +226,11 @@ class Plan(BaseModel):
     metrics: Annotated[tuple[str, ...], MinLen(1)] = USUAL
     """Metrics, in SI units."""
     constraints: tuple[str, ...] = ()
-    """Conditions such as "pieces == 1"; runs that miss a condition are shown, but are not among the best."""
+    """Conditions such as "pieces == 1"; runs that do not meet them are shown, but are not among the best."""
     keep: tuple[Kept, ...] = ("picture",)
     """Files that are kept of each run."""
     formats: tuple[Format, ...] = ("stl",)
-    """Formats of kept solids."""
+    """File formats of the solids that are kept."""
     size: Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")] = "480x360"
     """Pixels of the pictures."""
     view: str = "iso"
@@ -247,11 +245,9 @@ class Plan(BaseModel):
     @field_validator("linked", mode="before")
     @classmethod
     def _flatten_tables(cls, tables: Any) -> Any:
-        return (
-            [dotted_keys(table) if isinstance(table, dict) else table for table in tables]
-            if isinstance(tables, list)
-            else tables
-        )
+        if not isinstance(tables, list):
+            return tables
+        return [dotted_keys(table) if isinstance(table, dict) else table for table in tables]
 
     @field_validator("metrics")
     @classmethod
@@ -282,7 +278,7 @@ class Plan(BaseModel):
             lengths = {key: len(values) for key, values in table.items()}
             if len(set(lengths.values())) > 1:
                 lengths_text = ", ".join(f"{key} {length}" for key, length in lengths.items())
-                mistakes.append(f"linked keys need lists of one length, here: {lengths_text}")
+                mistakes.append(f"linked keys need lists of equal length, but have {lengths_text}")
         return mistakes
 
     def _repeated_keys(self) -> list[str]:
@@ -305,7 +301,7 @@ class Plan(BaseModel):
 
     @property
     def limits(self) -> list[Constraint]:
-        """The constraints."""
+        """Constraints of the plan."""
         return [Constraint.from_text(text) for text in self.constraints]
 
     @property
@@ -329,7 +325,7 @@ def _check_text(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """Return the plan of a sweep file, paths relative to its folder. Raises PresetError with every mistake."""
+    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError with all mistakes."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
@@ -348,8 +344,8 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """Return the complete plan, defaults included, as TOML. Varied keys keep their order, because samples and run
-    numbers depend on it. Each range is one line, because tomli_w would put tables behind lists.
+    """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because samples and run numbers
+    depend on it. Each range is one line, because tomli_w would put tables behind lists.
     """
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
@@ -365,7 +361,7 @@ def _line(key: str, value: Any) -> str:
 
 
 def base_preset(plan: Plan) -> Preset:
-    """Return the preset that all runs of a plan start from. Raises PresetError."""
+    """Return the preset that all runs of a plan start from. Raises PresetError if the preset is invalid."""
     preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(preset)

@@ -26,15 +26,14 @@ from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 
 Changes = dict[str, Any]
 
-MOST = 1_000_000  # Limit on the number of runs; a grid with more runs is a mistake of the user.
+MOST = 1_000_000  # limit on the number of runs; a grid with more runs is a mistake of the user
 
 
 def points(plan: Plan) -> list[Changes]:
     """Return the changes of each run, without repeats. Raises PresetError for grids beyond `MOST` and for CSV files
     that cannot be read.
-
-    sobol : scrambled Sobol points. The first N of a larger number of points are the same, so a sweep can be extended.
-    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another N gives other points.
+    sobol : scrambled Sobol points. More points begin with the same points, so that a sweep can be extended.
+    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
     """
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
@@ -47,12 +46,12 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """Return a text that identifies a run by its changes."""
+    """Return a text that is equal for runs with equal changes."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """Return the changes at u (k,) in 0..1 along each axis."""
+    """Return the changes at the places u (k,) in 0..1 along the k axes."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.changes_at(float(place)))
@@ -60,9 +59,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return points that reveal mistakes in the keys and values of a search: both ends of each axis and places
-    between.
-    """
+    """Return points that reveal mistakes in the keys and values of a search: ends and inner places of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -98,7 +95,7 @@ def _grid(axes: list[Axis]) -> Iterator[Changes]:
 
 def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
     if count > MOST:
-        raise PresetError(f"{kind}:{count} asks for too many runs; take up to {MOST:,}")
+        raise PresetError(f"{kind}:{count} has too many runs; take up to {MOST:,}")
     if kind == "lhs":
         return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
     sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
@@ -107,7 +104,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 def from_csv(path: Path) -> Iterator[Changes]:
     """Yield one run for each row of a CSV file, with values like those after --set. Columns are dotted keys. If columns
-    begin with 'in:', the remaining columns are ignored. Raises PresetError.
+    begin with 'in:', the remaining columns are ignored. Raises PresetError for a file without rows or that cannot be
+    read.
     """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
@@ -126,7 +124,7 @@ def from_csv(path: Path) -> Iterator[Changes]:
 NAME, FORMAT = "runs.db", 1
 
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""State of a run. Failed: the design cannot be built. Killed: the system killed the worker, whatever the design."""
+"""State of a run. Failed: the design cannot be built. Killed: the system killed the worker; the design may be sound."""
 
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
 """Runs that an older dsfab without the state `killed` recorded as failed."""
@@ -157,8 +155,10 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError, in one
-    sentence, if the disk is full or the file cannot be used."""
+    """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError if the
+    disk
+    is full or the file cannot be used.
+    """
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._db = path, connection
@@ -170,7 +170,7 @@ class Store:
 
     @classmethod
     def open(cls, folder: Path) -> "Store":
-        """Open the database of a sweep. Raises DsfabError if it is missing."""
+        """Open the database of a sweep. Raises DsfabError if the database is missing."""
         if not (folder / NAME).is_file():
             raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give a sweep's folder or a sweep file")
         return cls._connect(folder / NAME)
@@ -202,7 +202,7 @@ class Store:
         except sqlite3.Error as error:
             raise _refusal(path, error) from error
         if self.meta("format") != str(FORMAT):
-            raise DsfabError(f"{path} was written by another version of dsfab; use that one, or another folder")
+            raise DsfabError(f"{path} was written by another version of dsfab; use that version, or another folder")
 
     def __enter__(self) -> Self:
         return self
@@ -228,7 +228,7 @@ class Store:
             raise _refusal(self._path, error) from error
 
     def meta(self, key: str) -> str | None:
-        """Return a text about the sweep."""
+        """Return the text about the sweep that is recorded under a key, or None."""
         rows = self._read("SELECT value FROM meta WHERE key = ?", (key,))
         return str(rows[0][0]) if rows else None
 
@@ -238,7 +238,7 @@ class Store:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record new runs as waiting, and texts about the sweep; return the number of new runs."""
+        """Record new runs as waiting, and texts about the sweep. Return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -253,9 +253,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Reset runs in these states to waiting and return their number. Default: runs in progress when a
-        coordinator died.
-        """
+        """Reset runs in these states to waiting, by default runs of a coordinator that died. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -290,21 +288,13 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record how a run ended: failed if `error` is not empty."""
+        """Record the end of a run; the run failed if `error` is not empty."""
+        state, texts = "failed" if error else "done", (json.dumps(metrics), error, json.dumps(list(files)))
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = ?, metrics = ?, error = ?, files = ?, seconds = ?, peak = ?, ended = ? "
                 "WHERE number = ?",
-                (
-                    "failed" if error else "done",
-                    json.dumps(metrics),
-                    error,
-                    json.dumps(list(files)),
-                    seconds,
-                    peak,
-                    time.time(),
-                    number,
-                ),
+                (state, *texts, seconds, peak, time.time(), number),
             )
 
     def counts(self) -> dict[str, int]:
@@ -312,13 +302,10 @@ class Store:
         return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
 
     def rows(self, state: State | None = None) -> list[RunRow]:
-        """Return all runs by number, or those in one state."""
+        """Return all runs by number, or the runs in a state."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
-        records = self._read(
-            "SELECT number, changes, state, metrics, error, files, seconds, tries, lost FROM runs "
-            f"{where} ORDER BY number",
-            values,
-        )
+        columns = "number, changes, state, metrics, error, files, seconds, tries, lost"
+        records = self._read(f"SELECT {columns} FROM runs {where} ORDER BY number", values)
         return [
             RunRow(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
             for n, c, s, m, e, f, t, tries, lost in records
@@ -329,7 +316,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
     text = str(error)
     if "full" in text or "disk I/O" in text:
         return DsfabError(
-            f"{path} cannot be written: {text}; what was recorded is kept: free some space and give the command again"
+            f"{path} cannot be written: {text}; recorded runs are kept: free disk space and give the command again"
         )
     if "readonly" in text or "unable to open" in text:
         return DsfabError(f"{path} cannot be written: {text}; choose another folder with -o")
@@ -339,15 +326,15 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Points of a generation: four for each axis, at least twelve. They do not depend on the length of the search, so that
-the user can extend a search.
+"""Points of a generation: four for each axis, at least twelve. Their number does not depend on the length of the
+search,
+so that the user can extend a search.
 """
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Costs from which runs miss constraints, failed, or were not made: each class is worse than all classes before it.
+"""Least costs of runs that miss constraints, failed, or were not made: each class is worse than all classes before it.
 Among runs that miss constraints, a smaller miss is better [Deb 2000].
 """
-
 
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 """Function that makes missing runs, and returns all runs by their digest."""
@@ -382,22 +369,12 @@ class _Search:
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
         evolve: Any = differential_evolution  # SciPy's stubs lack these options
-        evolve(
-            self._costs,
-            [(0.0, 1.0)] * len(self.axes),
-            strategy="best1bin",
-            maxiter=100 * self.ask.evaluations,
-            init=_unit("sobol", count, len(self.axes), self.seed),
-            tol=0,
-            atol=1e-9,
-            mutation=(0.4, 0.9),
-            recombination=0.8,
-            callback=self._enough,
-            polish=False,
-            vectorized=True,
-            updating="deferred",
-            rng=np.random.default_rng(self.seed),
-        )
+        steps = {"strategy": "best1bin", "mutation": (0.4, 0.9), "recombination": 0.8, "polish": False}
+        end = {"maxiter": 100 * self.ask.evaluations, "tol": 0, "atol": 1e-9, "callback": self._enough}
+        whole_generations = {"vectorized": True, "updating": "deferred"}
+        first = _unit("sobol", count, len(self.axes), self.seed)
+        options = {**steps, **end, **whole_generations, "init": first, "rng": np.random.default_rng(self.seed)}
+        evolve(self._costs, [(0.0, 1.0)] * len(self.axes), **options)
 
     def _costs(self, u: Floats) -> Floats:
         proposed = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]

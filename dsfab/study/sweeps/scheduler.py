@@ -11,10 +11,9 @@ from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
-TRIES = 2  # A run with so many dead workers in a session waits for the next session; with so many in all it runs alone.
-
-PATIENCE = 600.0  # Seconds without any worker before the scheduler gives up.
-Deliver = Callable[[Outcome, Changes], list[str]]  # Function that writes the files of a run and returns their names.
+TRIES = 2  # number of dead workers after which a run waits for the next session, or after several sessions runs alone
+PATIENCE = 600.0  # seconds without any worker before the scheduler gives up
+Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 
 
 @dataclass
@@ -57,7 +56,6 @@ def conduct(
     """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep, if the sweep has more runs.
-
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them.
     """
@@ -65,7 +63,7 @@ def conduct(
 
 
 def current_progress(store: Store, total: int | None = None) -> Progress:
-    """Return the progress at the start of a session; `total` expected runs, or else the recorded ones."""
+    """Return the progress at the start of a session. total : number of expected runs; None counts the recorded runs."""
     counts = store.counts()
     done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
     return Progress(total or sum(counts.values()), done, failed, killed=killed)
@@ -90,7 +88,7 @@ class _Scheduler:
 
     def run(self) -> None:
         self.told(self.progress)
-        tick, alone_since = 0.5, time.monotonic()  # tick: seconds between checks for new and lost workers
+        tick, alone_since = 0.5, time.monotonic()  # tick : seconds until the next check of the workers
         while self.rows or self.busy:
             self._hand_out()
             if self.busy:
@@ -125,7 +123,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # an error of the worker, because runs return their own errors
+        except Exception as error:  # an error of the worker; a run returns its own errors
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

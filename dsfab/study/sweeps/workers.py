@@ -25,13 +25,13 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Function that draws a design as the bytes of a PNG file. `dsfab.app` passes it, because only the app can draw."""
+"""Function that draws a design as the bytes of a PNG file; `dsfab.app` passes it, because only the app draws."""
 
 
 @dataclass(frozen=True)
 class Job:
     """Input that all runs of a sweep share, as plain data for all workers.
-    token   : unique name. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
+    token   : unique name.    preset : the base preset as nested tables.    metrics, keep, formats : see `Plan`.
     draw    : function that draws a picture, or None.
     mesh    : content of the preset's mesh file if workers cannot read the file.
     """
@@ -48,8 +48,8 @@ class Job:
 @dataclass(frozen=True)
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
-    seconds : time on the worker. peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if each attempt ended with a killed worker: in this case the error does not concern the design.
+    seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
+    killed  : True if the system killed the worker at each attempt; the error then says nothing about the design.
     """
 
     number: int
@@ -62,14 +62,15 @@ class Outcome:
     killed: bool = False
 
 
-_run_lock = threading.Lock()  # One run at a time: neither the solver nor the graphics are thread-safe.
+_run_lock = threading.Lock()  # allows one run at a time: neither the solver nor the graphics are thread-safe
 
-_thread_state = threading.local()  # State of each worker thread: the job, its base preset, and the last design.
+_thread_state = threading.local()  # state of each worker thread: the job, its base preset, and the last design
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Make one run and return its outcome. The function does not raise: the outcome holds the error and the metrics up
-    to the error.
+    """Make one run and return its outcome. The function does not raise: the outcome holds the error, and the metrics
+    that
+    were computed before the error.
     """
     with _run_lock:
         return _run_job(job, number, changes)
@@ -84,7 +85,7 @@ def _run_job(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
             doing = name
             try:
                 metrics[name] = metric_value(name, design)
-            except DsfabError as refusal:  # other metrics may still work
+            except DsfabError as refusal:  # other metrics may succeed
                 wrong.append(str(refusal))
         doing = "its files"
         _keep(job, design, files)
@@ -116,12 +117,8 @@ def _base(job: Job) -> Preset:
     return preset_from(values)
 
 
-def _with_original_mesh(job: Job, preset: Preset) -> Preset:
-    return preset if job.mesh is None else with_overrides(preset, {"surface.file": job.preset["surface"]["file"]})
-
-
 def mesh_of(preset: Preset) -> bytes | None:
-    """Return the content of a preset's mesh file."""
+    """Return the content of a preset's mesh file; None without a mesh file."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
@@ -129,7 +126,9 @@ def _keep(job: Job, design: Design, files: dict[str, bytes]) -> None:
     from dsfab.export import write
 
     if "preset" in job.keep:
-        files["preset.toml"] = preset_toml(_with_original_mesh(job, design.preset)).encode()
+        original = {"surface.file": job.preset["surface"]["file"]} if job.mesh is not None else {}
+        preset = with_overrides(design.preset, original) if original else design.preset
+        files["preset.toml"] = preset_toml(preset).encode()
     if "picture" in job.keep and job.draw is not None:
         files["picture.png"] = job.draw(design)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -147,7 +146,7 @@ Changes = Mapping[str, Any]
 
 
 class Workers(Protocol):
-    """A set of workers. Each makes one run at a time and remembers the stages of the last run."""
+    """A set of workers. Each worker makes one run at a time and remembers the stages of its last run."""
 
     def workers(self) -> Collection[str]:
         """Return the names of present workers."""
@@ -156,17 +155,17 @@ class Workers(Protocol):
         """Start a run on a worker. The future raises if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """Forget a worker that died or must stop; return the reason, or '' if the reason is unknown."""
+        """Forget a worker that died or must stop. Return the reason, or '' if the reason is unknown."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Take note of the memory of a finished run, which limits the number of workers."""
+        """Record the memory of a finished run; it limits the number of workers."""
 
     def close(self) -> None:
         """End all workers at once."""
 
 
 class OneWorker:
-    """A set with the first of several workers alone; this worker may use all of the memory, because the rest stop."""
+    """The first of several workers alone. The remaining workers stop, so that this worker may use all of the memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -197,9 +196,7 @@ the number of threads.
 
 
 class LocalWorkers:
-    """Processes of this machine. Each worker is a pool of one process, so that a killed worker leaves the rest
-    unharmed.
-
+    """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not stop the rest.
     workers : number of workers; default: as many as fit into memory, by the need of the first run.
     """
 
@@ -228,7 +225,7 @@ class LocalWorkers:
                 self._begin(worker)
             try:
                 return self._pools[worker].submit(execute, self._job, number, changes)
-            except BrokenExecutor:  # the system killed the worker while it was idle
+            except BrokenExecutor:  # the system killed an idle worker
                 self.lost(worker)
         raise BrokenExecutor(f"{worker} cannot be started")
 
@@ -244,14 +241,14 @@ class LocalWorkers:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker; return a reason if the system has killed a process for want of memory since."""
+        """End a worker. Return a reason if the system has since killed a process because of low memory."""
         self._pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
             return ""
         pool.shutdown(wait=False, cancel_futures=True)
         before, self._short = self._short, memory_kills()
-        return "the system ended a process for want of memory" if self._short > before else ""
+        return "the system ended a process because memory was low" if self._short > before else ""
 
     def learn(self, outcome: Outcome) -> None:
         self._peak = max(self._peak, outcome.peak)
@@ -281,7 +278,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Initialise a worker that ends if its coordinator dies."""
+    """Make a worker process end if its coordinator dies."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -312,7 +309,7 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """Return how many processes the system has killed for want of memory, in this container or machine."""
+    """Return the number of processes that the system has killed because of low memory, in this container or machine."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -320,11 +317,11 @@ def memory_kills() -> int:
     return 0
 
 
-SECONDS = 20  # Time limit for a scheduler's answer.
+SECONDS = 20  # time limit for a scheduler's answer
 
 
 class DaskWorkers:
-    """Workers of a Dask scheduler, including those that join later. If a worker dies, Dask gives its run to another
+    """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
     worker. Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a
     core. Raises DsfabError if dask is not installed or the scheduler does not answer.
     """
@@ -339,7 +336,7 @@ class DaskWorkers:
         except (OSError, ValueError, TimeoutError) as error:
             raise DsfabError(
                 f"no Dask scheduler answers at {scheduler}: {error}; start one with `dask scheduler`"
-            ) from (None)
+            ) from None
         self._job = job
         self._executors: dict[str, Executor] = {}
 
@@ -356,7 +353,7 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker; the result is '', because Dask reports no reason."""
+        """Forget a worker. Return '', because Dask reports no reason."""
         self._executors.pop(worker, None)
         return ""
 
@@ -370,7 +367,7 @@ class DaskWorkers:
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-MEMORY = 3e9  # Expected memory of one process, bytes.
+MEMORY = 3e9  # expected memory of one process, bytes
 
 
 def fitting_processes(count: int) -> int:
@@ -383,8 +380,8 @@ def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
-    work : relative duration of an item; the longest items start first, so that all processes end about together.
-
+    work : relative duration of an item; the longest items start first, so that all processes end at about the same
+           time.
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """
     if workers == 1:
@@ -399,7 +396,7 @@ def map_in_processes(
         for k in range(len(items)):
             yield results[k].result()
     except BrokenExecutor as error:
-        raise DsfabError("a process ended before its time, perhaps for want of memory; try --workers 1") from error
+        raise DsfabError("a process ended too early, perhaps because memory was low; try --workers 1") from error
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         for child in set(multiprocessing.active_children()) - before:

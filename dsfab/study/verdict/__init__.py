@@ -13,16 +13,6 @@ from dsfab.study.verdict.modes import ModeIntervals, ModeLevel, mode_intervals
 from dsfab.study.verdict.verdict import BUDGET, CaseVerdict, Depth, Dropped, LoadedSurface, Verdict, check, whole_sheet
 
 __all__ = [
-    "BUDGET",
-    "CaseVerdict",
-    "Depth",
-    "Dropped",
-    "Level",
-    "LoadedSurface",
-    "ModeIntervals",
-    "ModeLevel",
-    "Verdict",
-    "check",
-    "mode_intervals",
-    "whole_sheet",
-]
+    "BUDGET", "CaseVerdict", "Depth", "Dropped", "Level", "LoadedSurface", "ModeIntervals", "ModeLevel", "Verdict",
+    "check", "mode_intervals", "whole_sheet",
+]  # fmt: skip

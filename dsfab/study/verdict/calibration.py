@@ -1,4 +1,4 @@
-"""Calibration of the error bound of verdicts: random designs, their table, and its statistics."""
+"""Calibration of the error bound of verdicts: random designs, their table, and the statistics of this table."""
 
 import csv
 import io
@@ -29,21 +29,20 @@ from dsfab.study.verdict.levels import (
     on_mesh,
     shares,
 )
-from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio, mean_member_width
+from dsfab.study.verdict.verdict import LoadedSurface, attached_material, facet_ratio
 
-TABLE = files("dsfab.study.verdict") / "calibration.csv"  # The table that ships with dsfab.
+TABLE = files("dsfab.study.verdict") / "calibration.csv"  # the table that ships with dsfab
 
 
 @dataclass(frozen=True)
 class TrialRow:
     """A random design, solved on two to four meshes.
-
     width, share : its width rule, and the share of the surface that is material.
     vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
     per_member, facets : see `Verdict`.
     quick        : J, by hybrid + hhj on the unrefined cut mesh.
     midedge      : J, by quadratic + midedge on the first mesh of the verdict.
-    compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : sum of both ZZ errors, mesh after mesh.
+    compliance   : J, by quadratic + hhj, on each mesh.           recovery : sum of both ZZ errors, on each mesh.
     """
 
     kind: str
@@ -66,12 +65,12 @@ class TrialRow:
 
     @property
     def levels(self) -> int:
-        """Number of meshes of its verdict: two, or three if two meshes do not converge."""
+        """Number of meshes of the design's verdict: two, or three if two meshes do not converge."""
         return 2 if self._estimate_after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> estimates.ComplianceEstimate:
-        """Value and bound of its verdict."""
+        """Value and bound of the design's verdict."""
         return self._estimate_after(self.levels)
 
     @property
@@ -91,9 +90,7 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if a mesh finer than those of the verdict was solved; without it the verdict itself would be the
-        truth.
-        """
+        """True if a mesh finer than those of the verdict was solved, so that the truth is independent of it."""
         return len(self.compliance) > self.levels
 
     @property
@@ -218,7 +215,7 @@ KINDS: dict[str, Kind] = {
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
 """Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere has the
-snap value of the shipped table, not that of its preset.
+snap value of the shipped table, and not that of its preset.
 """
 
 
@@ -241,7 +238,7 @@ def random_design(kind: str, seed: int) -> Design:
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
     """Return a random design solved on up to `count` meshes. If the verdict on a large design takes two meshes, the
-    third mesh serves as the truth. Raises DsfabError if the design cannot be built or does not carry its loads.
+    third mesh is the truth. Raises DsfabError if the design cannot be built or does not carry its loads.
     """
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
@@ -261,14 +258,14 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         sheet.surface.area / design.surface.area,
         design.surface.n,
         sheet.surface.m,
-        mean_member_width(sheet) / design.surface.mean_edge,
+        estimates.rib_width(sheet.surface) / design.surface.mean_edge,
         facet_ratio(smooth, setting.made.thickness),
         quick.compliance[case],
         levels[0].midedge.get(case, levels[0].compliance[case]),
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # size of a fourth mesh; a larger one takes too long
+    largest_triangles = 100_000  # limit for a fourth mesh, which else takes too long
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]

@@ -10,35 +10,34 @@ from dsfab.core.arrays import Bools, Floats, Ints, weighted_quantile
 from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
-EXTRAPOLATION_DIVISOR = 2.0  # Divisor d in the value c1 + (c1 - c0) / d that two meshes give.
+EXTRAPOLATION_DIVISOR = 2.0  # divisor d in the value c1 + (c1 - c0) / d from the compliances c0, c1 of two meshes
 
-LEAST_BOUND = 0.003  # Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only.
+LEAST_BOUND = 0.003  # smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only
 
-QUICK_ERRORS = (0.02, 0.05)  # Relative error of the quick level: its median and its 90 % quantile.
+QUICK_ERRORS = (0.02, 0.05)  # relative error of the quick level: its median and its 90 % quantile
 
-LEAST_EDGES_PER_MEMBER = 4.0  # A warning appears if members are narrower than this many edges of the uncut mesh.
+LEAST_EDGES_PER_MEMBER = 4.0  # least width of members, in edges of the uncut mesh, without a warning
 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """value : compliance, J.  bound : half width of its interval, relative to the value."""
+    """Compliance of a sheet (J). bound : half width of its interval, relative to the value."""
 
     value: float
     bound: float
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the
-    previous.
-
-    spread   : relative difference to quadratic + midedge on the first mesh. On finer meshes it would cost half as much
-               again; about half of the difference remains after each refinement.
+    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the one
+    before.
+    spread   : relative difference to quadratic + midedge on the first mesh; about half of it remains after each
+               refinement. On finer meshes it would cost half as much again.
     recovery : ZZ error of the finest mesh.
 
     The value of three meshes is the mean of two extrapolations: by the usual rate, and by the rate of its own steps.
     On the ten designs with a fourth mesh, neither extrapolation alone is better.
     """
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest shares that calibration.csv allows
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least that calibration.csv allows
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -58,19 +57,20 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
     return values[-1] + step / (min(max(before / step, STEP_RATIOS[0]), STEP_RATIOS[1]) - 1)
 
 
-WIDEST_MODE_BOUND = 0.05  # Relative bound of a mode above which a third mesh is solved.
+WIDEST_MODE_BOUND = 0.05  # largest relative bound of a mode for which two meshes suffice
 
 STEP_RATIOS = (1.5, 4.0)
-"""Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
-at best, smooth sheets to 1 / 16. Steps with a ratio below the smallest count as not shrinking.
+"""Smallest and largest accepted ratio of successive steps. From mesh to mesh, an eigenvalue's error falls to 1 / 2.1 at
+reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the smallest do not count as shrinking.
 """
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """value : lowest load factor, or hertz.   bound : half width of its interval, relative to the value; inf for one
-            mesh.
-    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles."""
+    """Lowest load factor, or lowest frequency (Hz). bound : half width of its interval, relative to the value; inf for
+    one
+    mesh. ratio : of the two steps between three meshes, each with four times the triangles; None for fewer meshes.
+    """
 
     value: float
     bound: float
@@ -78,17 +78,20 @@ class ModeEstimate:
 
     @property
     def finite_bound(self) -> float | None:
-        """The bound, None for one mesh."""
+        """Bound of the value; None for one mesh."""
         return self.bound if self.bound < float("inf") else None
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles. With
-    two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which covers
-    step ratios from 1.7 up. With three meshes, the value extrapolates by its own ratio, clipped to `STEP_RATIOS`, and
-    the bound is that extrapolation. If the last step turns back, the last value stands with twice that step as its
-    bound. If steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random designs. It
-    covers mesh error alone: the sheet is thin, perfect in shape, and linear until it buckles.
+    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles.
+
+    With two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which
+    covers
+    step ratios from 1.7. With three meshes, the value extrapolates by its own ratio, clipped to `STEP_RATIOS`, and
+    the bound is the extrapolated part. If the last step has the opposite sign, the value is the last one, and the
+    bound is
+    twice that step. If steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random
+    designs. It covers mesh error alone: the sheet is thin, perfect in shape, and linear until it buckles.
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
@@ -99,23 +102,20 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     before = values[-2] - values[-3]
     ratio = before / step if step else float("inf")
     if ratio < STEP_RATIOS[0]:
-        shrinking = abs(ratio) >= STEP_RATIOS[0]
-        return ModeEstimate(
-            finest, max(2 * (abs(step) if shrinking else max(abs(step), abs(before))) / finest, LEAST_BOUND), ratio
-        )
+        error = abs(step) if abs(ratio) >= STEP_RATIOS[0] else max(abs(step), abs(before))
+        return ModeEstimate(finest, max(2 * error / finest, LEAST_BOUND), ratio)
     extension = step / (min(ratio, STEP_RATIOS[1]) - 1)
     return ModeEstimate(finest + extension, max(abs(extension) / (finest + extension), LEAST_BOUND), ratio)
 
 
-REENTRANT_ANGLE = np.radians(30)  # Inward turn of the outline that makes a reentrant corner.
+REENTRANT_ANGLE = np.radians(30)  # least inward turn of the outline at a reentrant corner
 
 
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-
-    away : largest value further than a rib's width from corners, because peaks at corners grow with refinement; None
-           for other quantities, and if every face is near a corner.
+    away : largest value farther than a rib's width from corners, because peaks at corners grow with refinement; None
+           for other quantities, or if every face is near a corner.
     """
 
     value: float
@@ -133,7 +133,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
 
-    All are at least 0; each is the largest of both sides and the middle.    supported : (n,) vertices with a support.
+    Each extreme is at least 0, and the largest of both sides and the middle.    supported : (n,) mask of the vertices.
     """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
@@ -146,7 +146,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
 
 
 def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = None) -> Extreme:
-    """Return the extreme of values (m,) on faces; off_corner_faces : (m,) faces that are far from corners."""
+    """Return the extreme of values (m,) on faces. off_corner_faces : (m,) mask of the faces far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[off_corner_faces].max()) if off_corner_faces is not None and off_corner_faces.any() else None
@@ -154,12 +154,12 @@ def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = No
 
 
 def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
-    """Return the value that `share` of the weights (k,) of values (k,) does not exceed."""
+    """Return the value up to which lies a `share` of the weights (k,) of values (k,)."""
     return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, supported: Bools) -> Bools:
-    """Return (m,) faces further than a rib's width from every reentrant corner and every end of a support."""
+    """Return a mask (m,) of the faces farther than a rib's width from all reentrant corners and ends of supports."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, supported)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)

@@ -33,19 +33,18 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE_COSINE = np.cos(np.radians(30))  # At a larger angle to a vertex's mean normal, a face uses its own normal.
+CREASE_COSINE = np.cos(np.radians(30))  # least cosine between a face's normal and a vertex's mean normal on no crease
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
     """Surface whose faces are quadratic patches over barycentric coordinates: p + sum over edges of 4 l_i l_j bulge.
-
     surface : the flat faces.
     bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
 
-    A cubic curve from a to b leaves both ends at right angles to the normals there; its middle is the middle of the
-    edge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does
-    not depend on the sign of the normals. It belongs to the edge, so patches meet without gaps.
+    The edge is a cubic curve from a to b, square to the normals n_a and n_b at its ends; its middle gives the bulge
+    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does
+    not depend on the sign of the normals. Two patches have the same bulge at their common edge, so there is no gap.
     """
 
     surface: Surface
@@ -66,9 +65,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 3), metres, with barycentric weights (k, n); a row has at most three weights, all in
-        one face.
-        """
+        """Return points (k, 3), metres, with barycentric weights (k, n); a row has up to three weights, in one face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -76,9 +73,8 @@ class SmoothSurface:
         for i, j in ((0, 1), (1, 2), (0, 2)):
             product = 4 * weight[:, i] * weight[:, j]
             between = np.flatnonzero(product > 0)
-            flat[between] += (
-                product[between, None] * self.bulge[edges.edges_between(column[between, i], column[between, j])]
-            )
+            numbers = edges.edges_between(column[between, i], column[between, j])
+            flat[between] += product[between, None] * self.bulge[numbers]
         return flat
 
 
@@ -92,7 +88,7 @@ def _corner_normals(surface: Surface) -> Floats:
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # faces of a one-sided sheet disagree around a vertex: turn all of them like the first face
+    # on a one-sided sheet, faces around a vertex have opposite sides; they all take the side of the first face
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
@@ -102,12 +98,13 @@ def _corner_normals(surface: Surface) -> Floats:
 
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
-    """Split every triangle into four, with points on the smooth surface; the old vertices come first. Weights stay
-    barycentric on the uncut surface, because supports and loads need them."""
+    """Split every triangle into four, with points on the smooth surface; the old vertices come first. Weights remain
+    barycentric on the uncut surface, because supports and loads need them.
+    """
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T
     weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))
-    weights.data[weights.data < 1e-12] = 0.0  # rounding
+    weights.data[weights.data < 1e-12] = 0.0  # removes rounding errors
     weights.eliminate_zeros()
     mid = n + edges.of
     parts = [np.stack([F[:, k], mid[:, k], mid[:, k - 1]], axis=1) for k in range(3)]
@@ -116,7 +113,7 @@ def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
 
 
 def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
-    """Yield the cut mesh with its points on the smooth surface, and after it finer and finer meshes without end."""
+    """Yield the cut mesh with its points on the smooth surface, then finer and finer meshes without end."""
     mesh = replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
     while True:
         yield mesh
@@ -125,7 +122,7 @@ def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
 
 class Shares(NamedTuple):
     """A load on a sheet, independent of its mesh, newtons.
-    vertices : (n, 3) forces around each vertex of the uncut surface, where the sheet still has material.
+    vertices : (n, 3) forces around each vertex of the uncut surface at which the sheet still has material.
     faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material.
     """
 
@@ -134,8 +131,9 @@ class Shares(NamedTuple):
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Return the mesh-independent shares of each load; they sum to its forces.
-    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices."""
+    """Return the mesh-independent shares of each load; they sum to the forces of the load.
+    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
+    """
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
     for name, load in loads.items():
@@ -152,8 +150,10 @@ def on_mesh(
     uncut_loads : loads on the uncut surface.    forces : `shares` of these loads.
 
     The material around a vertex takes the vertex's force, in proportion to the hat function of the uncut mesh. So a
-    load has the same place and size on every finer mesh. No force acts on a point, because there a sheet in its plane
-    has no finite displacement. A load on a face spreads evenly over the material there. The sum of all forces is exact.
+    load has the same place and size on every finer mesh. No force acts on a point, because under a point force a sheet
+    in
+    its plane has no finite displacement. A load on a face spreads evenly over the material of the face. The sum of all
+    forces is exact.
     """
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # three times the mean
@@ -169,7 +169,7 @@ def on_mesh(
     return cases, spreads
 
 
-PARABOLIC_SHEAR = 6 / 5  # Energy factor of shear through the thickness, a parabola [Reissner 1945].
+PARABOLIC_SHEAR = 6 / 5  # energy factor of shear stress that is a parabola over the thickness [Reissner 1945]
 
 
 class RibSoftening(NamedTuple):
@@ -177,7 +177,7 @@ class RibSoftening(NamedTuple):
     torsion : growth if twisted ribs are bars of their own width and thickness, by a second solve (`solve_cases`); inf
               if that solve is impossible.
     shear   : energy of shear through the thickness, q^2 6 / (5 G h) per square metre. q is the thin sheet's, averaged
-              over half a thickness all around, because a solid spreads the flow through a neck.
+              over half a thickness in all directions, because a solid spreads the flow through a neck.
     bending : energy of moments, times the root of thickness over the mean width of ribs.
     """
 
@@ -200,10 +200,8 @@ def rib_softening(
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
     except (StaticsError, NotPositiveDefinite):
         barred = [np.inf] * len(loads)
-    recovery, means = (
-        ShearRecovery.for_surface(surface, linear=elements.bending == "hhj"),
-        _means_within(surface, h / 2),
-    )
+    recovery = ShearRecovery.for_surface(surface, linear=elements.bending == "hhj")
+    means = _means_within(surface, h / 2)
     stiff, softening = material.young / (2 * (1 + material.poisson)) * h, {}
     slender = float(np.sqrt(h / rib_width(surface)))
     for name, answer in zip(loads, barred, strict=True):
@@ -232,7 +230,8 @@ def theory_share(soft: RibSoftening) -> float:
 
     The factors cover 39 random designs, solved by CalculiX as quadratic wedges, and 31 designs on other surfaces
     (`solids.csv`; 8 of them, seed 3, were drawn after the formula). All are softer than thin sheets. Torsion and shear
-    follow from mechanics; bending covers the rest: joints of ribs, and shells that are thick for their radius.
+    follow from mechanics. Bending covers two further effects: joints of ribs, and shells that are thick for their
+    radius.
     """
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
@@ -240,7 +239,7 @@ def theory_share(soft: RibSoftening) -> float:
 MAIN_ELEMENTS, SPREAD_ELEMENTS = elements_of("compliance"), elements_of("spread")
 """The pair of elements of a verdict, and a second pair whose errors mostly have the opposite sign."""
 
-QUICK_ELEMENTS = elements_of("compliance_once")  # The pair of the quick level, which solves one mesh only.
+QUICK_ELEMENTS = elements_of("compliance_once")  # the pair of the quick level, which solves one mesh only
 
 BYTES_PER_UNKNOWN = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
@@ -254,13 +253,11 @@ half of a symmetric factor, and its input is freed before: 1.2 million unknowns 
 @dataclass(frozen=True)
 class Level:
     """One mesh of a verdict.
-
     triangles  : number of triangles.      unknowns : number for the main pair (without bending in the plane).
     compliance : J, by the main pair, for each case: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for the quick level.
     midedge    : J, by `SPREAD_ELEMENTS`; empty if these did not run.
     zz_membrane, zz_bending : main pair's squared error of the recovered stress for each case, as a share of the
-    compliance
-                 [Zienkiewicz and Zhu 1987].
+                 compliance [Zienkiewicz and Zhu 1987].
     residual   : largest relative residual of all cases and pairs, in the norm of the energy (see `Equilibrium`).
     seconds    : time of both pairs.
     memory     : bytes, the peak of the process so far.
@@ -291,31 +288,23 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
-
     Raises StaticsError as `equilibria` does.
     """
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair = {}
-    # both pairs are the same in the plane, because they differ in bending only
+    # the pairs differ in bending only, so a plane sheet needs one pair
     for pair in pairs[:1] if plane else pairs:
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(material.model_for(surface), elements)
         answers = equilibria(surface, K, list(loads.values()), elements, spreads=list(spreads.values()))
         answers_by_pair[pair] = dict(zip(loads, answers, strict=True))
         del K
-    main = pairs[0]
+    main, solved = pairs[0], answers_by_pair[pairs[0]]
     elements = main.in_plane if plane else main
-    stress = {
-        name: sheet_stress(material.model_for(surface), elements, answer)
-        for name, answer in answers_by_pair[main].items()
-    }
-    errors = {
-        name: recovery_errors(surface, material, stress[name], answer) for name, answer in answers_by_pair[main].items()
-    }
-    energies = {
-        pair: {name: answer.compliance for name, answer in cases.items()} for pair, cases in answers_by_pair.items()
-    }
+    stress = {name: sheet_stress(material.model_for(surface), elements, answer) for name, answer in solved.items()}
+    errors = {name: recovery_errors(surface, material, stress[name], answer) for name, answer in solved.items()}
+    energies = {pair: {name: x.compliance for name, x in cases.items()} for pair, cases in answers_by_pair.items()}
     return Level(
         surface.m,
         elements.unknowns(surface),
@@ -327,7 +316,7 @@ def level(
         time.perf_counter() - start,
         peak_memory(),
         {name: stress_extremes(surface, case_stress, loads[name].supported) for name, case_stress in stress.items()},
-        rib_softening(material.model_for(surface), elements, loads, spreads, answers_by_pair[main], stress)
+        rib_softening(material.model_for(surface), elements, loads, spreads, solved, stress)
         if ribs and not plane
         else {},
     )
@@ -351,10 +340,8 @@ def recovery_errors(
 def _energy_norm(surface: Surface, difference: Floats, matrix: Floats) -> float:
     """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3) linear on each face."""
     weighted = difference @ matrix
-    total = np.einsum("mci,mci->m", difference, weighted) + np.einsum(
-        "mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1)
-    )
-    return float(total @ surface.areas / 12)
+    sums = np.einsum("mi,mi->m", difference.sum(axis=1), weighted.sum(axis=1))
+    return float((np.einsum("mci,mci->m", difference, weighted) + sums) @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:

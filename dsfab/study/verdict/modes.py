@@ -28,14 +28,13 @@ from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # Buckling and frequency use the same factorised stiffness.
+MODE_ELEMENTS: Elements = elements_of("buckling")  # elements of frequencies, too: both analyses share the stiffness
 
 
 @dataclass(frozen=True)
 class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
-
-    buckling : lowest factor of each case, None where nothing is compressed; empty if not requested.
+    buckling : lowest factor of each case, None if the case compresses nothing; empty if not requested.
     hertz    : lowest frequency, None if not requested.
     """
 
@@ -47,7 +46,7 @@ class ModeLevel:
 @dataclass(frozen=True)
 class ModeIntervals:
     """Buckling factors and frequency, extrapolated from all meshes.
-    buckling : the lowest factor of each case with its bound; cases that do not buckle are left out.
+    buckling : the lowest factor of each case with its bound, without cases that do not buckle.
     hertz    : the lowest frequency with its bound; None without a request or a result.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
@@ -67,10 +66,8 @@ def mode_intervals(
     """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
 
     The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
-    if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. Mode shapes are not kept.
-
+    if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. The result has no mode shapes.
     budget : bytes; a mesh that would need more is not solved.
-
     Errors do not raise: `refusals` lists them.
     """
     levels: list[ModeLevel] = []
@@ -80,7 +77,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # nobody measured the memory with two stored factors, so the larger figure holds
+            # the memory with two stored factors is not measured, so the larger figure counts
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")

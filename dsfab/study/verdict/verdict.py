@@ -40,9 +40,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material, and the loads by case; all competitors share these and their
-    supports.
-    """
+    """The uncut surface, the sheet's material, and the loads by case, which all competitors share."""
 
     surface: Surface
     made: SheetMaterial
@@ -58,7 +56,7 @@ class LoadedSurface:
 
 
 class Dropped(NamedTuple):
-    """A piece of material that reaches no support: its area, m2, and a point in it, metres."""
+    """A piece of material that reaches no support: its area (m2), and a point of the piece (m)."""
 
     area: float
     place: tuple[float, float, float]
@@ -74,7 +72,8 @@ def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on that
-    material. Raises StaticsError for no supports, a free rigid motion, and a load on a dropped piece or on no material.
+    material. Raises StaticsError without supports, for a free rigid motion, and for a load on a dropped piece or on no
+    material.
     """
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
@@ -89,16 +88,12 @@ def attached_material(
         dropped.append(Dropped(float(area[k]), (x, y, z)))
     sheet = material.subset(reach[label]) if loose else material
     loads = sheet_loads(setting.surface, material, sheet, setting.loads)
-    _require_held(sheet.surface, loads)
-    return sheet, tuple(dropped), loads
-
-
-def _require_held(surface: Surface, loads: Mapping[str, LoadCase]) -> None:
-    load, axis = next(iter(loads.values())), flat_axis(surface, *loads.values())
+    load, axis = next(iter(loads.values())), flat_axis(sheet.surface, *loads.values())
     fixed = load.fixed.copy()
     if axis is not None:
         fixed[:, axis] = True
-    require_held(surface, load, fixed, all_clamped(load))
+    require_held(sheet.surface, load, fixed, all_clamped(load))
+    return sheet, tuple(dropped), loads
 
 
 Depth = Literal["quick", "full"]
@@ -107,12 +102,11 @@ Depth = Literal["quick", "full"]
 @dataclass(frozen=True)
 class CaseVerdict:
     """The verdict on one load case or combination.
-
     value  : compliance, J; nan without a solution.
     bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
     status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
              loads. unknown: the bound is larger.
-    spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
+    spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, minus 1.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
     theory : share by which a solid may be softer, because the bound is about thin sheets; see `theory_share`.
     """
@@ -131,16 +125,14 @@ class CaseVerdict:
 @dataclass(frozen=True)
 class Verdict:
     """Result of `check`.
-
     depth      : quick (one mesh) or full (two or three meshes).
     status     : the worst of all cases.       reason : reason of the governing case.
     cases      : the governing case first: the worst status, then the largest compliance.
     levels     : the solved meshes, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first; the solver leaves them out.
-    per_member : mean number of uncut edges across a member: twice the area over the length of all borders; inf for a
-                 closed sheet without openings.
+    dropped    : pieces of material that reach no support, largest first; the solver omits them.
+    per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : a sentence for `per_member` and for `facets` if they miss their limit.
+    warnings   : a sentence for `per_member` and for `facets` if they exceed their limits.
     """
 
     depth: Depth
@@ -161,12 +153,12 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Half width of its interval, relative to the value."""
+        """Half width of the interval of the governing case, relative to its value."""
         return self.cases[0].bound
 
     @property
     def theory(self) -> float:
-        """Share by which a solid may be softer."""
+        """Share by which a solid may be softer than the thin sheet."""
         return self.cases[0].theory
 
     @property
@@ -179,7 +171,7 @@ class Verdict:
         return {case.name: case for case in self.cases}[name]
 
     def record(self) -> dict[str, Any]:
-        """Return everything as numbers, text, lists and dicts for JSON, with None for nan and infinity."""
+        """Return the verdict as numbers, text, lists and dicts for JSON, with None for nan and infinity."""
         values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
@@ -193,15 +185,15 @@ def _plain(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-MOST_MESHES = 3  # Limit on the number of meshes: the cut mesh and two refinements.
+MOST_MESHES = 3  # limit on the number of meshes: the cut mesh and two refinements
 
 COUNT = {2: "two levels", 3: "three levels"}
 
 
 @dataclass
 class Refinement:
-    """Meshes of a verdict up to now.
-    stopped  : the reason for the end of refinement, and its status; None after convergence or the last mesh.
+    """Meshes of a verdict that are solved so far.
+    stopped  : status and reason of the end of refinement; None after convergence or the last mesh.
     unsolved : True if the solver rejected the last mesh.
     """
 
@@ -215,7 +207,7 @@ class Refinement:
     unsolved: bool = False
 
     def refine(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve meshes until all cases pass or no further mesh is possible. loads : on the sheet."""
+        """Solve meshes until all cases pass or no further mesh is possible. loads : loads on the sheet."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), MOST_MESHES)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -259,14 +251,9 @@ class Refinement:
         if self.progress:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
-        # the first mesh alone measures the spread between both pairs
-        pairs = (
-            (QUICK_ELEMENTS,)
-            if self.depth == "quick"
-            else (MAIN_ELEMENTS,)
-            if self.levels
-            else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
-        )
+        pairs: tuple[Elements, ...] = (QUICK_ELEMENTS,)
+        if self.depth == "full":  # only the first mesh measures the spread between the two pairs
+            pairs = (MAIN_ELEMENTS,) if self.levels else (MAIN_ELEMENTS, SPREAD_ELEMENTS)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
 
@@ -291,15 +278,10 @@ class Refinement:
             reason = f"converged within {percent(estimate.bound)}"
         else:
             reason = f"not converged: {percent(estimate.bound)} after {COUNT[len(values)]}"
-        reason += theory_words(errors[2]) if len(values) > 1 else ""
-        return CaseVerdict(
-            name, estimate.value, estimate.bound, "pass" if is_known else "unknown", reason, spread, *errors
-        )
-
-
-def theory_words(share: float) -> str:
-    """Return '; thin-shell theory: a solid is up to 3 % softer'; '' for less than 0.1 %."""
-    return f"; thin-shell theory: a solid is up to {percent(share)} softer" if share >= 0.001 else ""
+        if len(values) > 1 and errors[2] >= 0.001:
+            reason += f"; thin-shell theory: a solid is up to {percent(errors[2])} softer"
+        status: Status = "pass" if is_known else "unknown"
+        return CaseVerdict(name, estimate.value, estimate.bound, status, reason, spread, *errors)
 
 
 def percent(share: float) -> str:
@@ -307,7 +289,7 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %"
 
 
-BUDGET = 4e9  # Default memory limit of a verdict, bytes.
+BUDGET = 4e9  # default memory limit of a verdict, bytes
 
 
 def check(
@@ -319,12 +301,10 @@ def check(
     cells: Sheet | None = None,
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
-
     subject : a design, or a `LoadedSurface` that competitors share.
-    sheet   : the material, loose pieces included, in the subject's surface; default: that of the design.
+    sheet   : the material, with loose pieces, in the subject's surface; default: that of the design.
     depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose
-              points
-              lie on the smooth surface, and extrapolates. A third mesh follows if the bound still exceeds 2 %.
+              points lie on the smooth surface, and extrapolates. A third mesh follows if the bound still exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
     cells   : all cells of the sheet; default: those of a design. If needle faces stop the solver, they are flipped and
               collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this, 781 needles
@@ -378,30 +358,14 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
     cases.sort(key=lambda case: (-SEVERITY.index(case.status), -case.value if np.isfinite(case.value) else 0.0))
     governing = cases[0]
     reason = governing.reason if len(cases) == 1 else f"{governing.name}: {governing.reason}"
-    across = mean_member_width(sheet) / surface.mean_edge
-    facets = facet_ratio(refinement.smooth, thickness)
-    warnings = tuple(_warnings(across, facets))
-    return Verdict(
-        refinement.depth,
-        governing.status,
-        reason,
-        tuple(cases),
-        tuple(refinement.levels),
-        dropped,
-        across,
-        facets,
-        warnings,
-        seconds,
-    )
-
-
-def mean_member_width(sheet: Sheet) -> float:
-    """Return the mean width of the members (m): twice the area over the length of all borders; inf without a border."""
-    return rib_width(sheet.surface)
+    across, facets = rib_width(sheet.surface) / surface.mean_edge, facet_ratio(refinement.smooth, thickness)
+    measures = across, facets, tuple(_warnings(across, facets)), seconds
+    depth, levels = refinement.depth, tuple(refinement.levels)
+    return Verdict(depth, governing.status, reason, tuple(cases), levels, dropped, *measures)
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return L^2 / (R h) of the flat faces: eight times the median distance of an edge's middle from its chord."""
+    """Return L^2 / (R h) of flat faces: eight times the median distance of an edge's middle from its chord, over h."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 
@@ -409,13 +373,13 @@ def _warnings(across: float, facets: float) -> list[str]:
     warnings = []
     if across < estimates.LEAST_EDGES_PER_MEMBER:
         warnings.append(
-            f"members are {across:.2g} edges of the uncut mesh wide in the mean (better "
-            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more): "
-            "their outline is coarse; make the mesh finer (surface.edge), or the stripes fewer"
+            f"members are on average {across:.2g} edges of the uncut mesh wide (better "
+            f"{estimates.LEAST_EDGES_PER_MEMBER:g} or more), so their outline is coarse; make the mesh finer "
+            "(surface.edge), or the stripes fewer"
         )
     if facets > FACETS:
         warnings.append(
             f"flat faces are {facets:.2g} thicknesses off the smooth surface, as L^2 / (R h) (better under "
-            f"{FACETS:g}): what lies between the vertices is a guess; make the mesh finer (surface.edge)"
+            f"{FACETS:g}), so the shape between the vertices is uncertain; make the mesh finer (surface.edge)"
         )
     return warnings

@@ -17,11 +17,11 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Distances, in bolt diameters, from the fold to the first bolt, between bolts, and to the plate's end. The first row
-that fits is used.
+"""Distances in bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first row
+with
+room is used.
 """
-LEG_NAME = "ground"
-"""Name of a plate's leg, which has no bar to take its name from."""
+LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from the beginning of a bar to its bolts and to the end of the plate (m); no bolts
-        without room.
-        """
+        """Return distances from a bar's beginning to its bolts and to the plate's end (m); no bolts without room."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)
@@ -51,7 +49,7 @@ class BarStock:
 
 
 def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
-    """Return a bar as a flat part, cut from a board of the bar's thickness; nodes : names at its ends."""
+    """Return a bar as a flat part, cut from a board of the bar's thickness. nodes : names of the nodes at its ends."""
     L, half, clear = bar.length, bar.bay.width / 2, BAR_CLEARANCE * stock.bolt
     low, high = (clear if end.root else 0.0 for end in bar.ends)
     P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
@@ -78,7 +76,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length along which a mitre cuts one side of a bar, from the beginning of its line (m)."""
+    """Return the length along which a mitre cuts one side of a bar, from the beginning of the bar's line (m)."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -123,18 +121,12 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
     holes += [Hole(a.point(r, 0.0), diameters[a.bar], a.bar) for a in arms for r in a.holes]
     folds = tuple(Fold(np.stack([a.point(a.fold, -joint.half), a.point(a.fold, joint.half)]), a.dip) for a in arms)
     marks = tuple(_plate_marks(joint, arms, stock))
-    part = FlatPart(
-        *(joint.node.id, "", (0.0, 0.0), outline, tuple(holes)),
-        marks=marks,
-        layer=-stock.lever,
-        folds=folds,
-        thickness=stock.plate,
-    )
-    return part.at_origin()
+    basics = joint.node.id, "", (0.0, 0.0), outline, tuple(holes)
+    return FlatPart(*basics, marks=marks, layer=-stock.lever, folds=folds, thickness=stock.plate).at_origin()
 
 
 def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """Return the arms of a node's plate counter-clockwise, with its leg."""
+    """Return the arms of a node's plate counter-clockwise; the plate's leg is one of them."""
     arms = [PlateArm.from_bar(joint, lattice.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms
@@ -166,7 +158,7 @@ class PlateArm:
 
     @classmethod
     def from_bar(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the plate's arm for a bar. For a sloping bar the arm folds nearer to the node than the bar begins."""
+        """Return the plate's arm for a bar. The arm of a sloping bar folds nearer to the node than the bar begins."""
         end, (stations, end_distance) = bar.ends[side], stock.bolt_stations(bar)
         setback = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * setback + r for r in stations)
@@ -174,7 +166,7 @@ class PlateArm:
         return cls(bar.bay.id, end.azimuth, end.dip, end.root - setback, holes, root + end_distance, end.after, root)
 
     def point(self, r: float, y: float) -> Floats:
-        """Return the point (2,) at r along the arm and y to its left (m)."""
+        """Return the point (2,) at a distance r along the arm and y to its left (m)."""
         c, s = np.cos(self.azimuth), np.sin(self.azimuth)
         return np.array([r * c - y * s, r * s + y * c])
 

@@ -1,12 +1,12 @@
 """Joints: the angles at the ends of bars, and the legs by which node plates stand on the ground.
 
        n                     n    normal of a node; its plate is square to n, below the bars
-       |   dip               e    from the node to the root, where the bar's line begins and the arm is folded
+       |   dip               e    distance from the node to the beginning of the bar's line, where the arm is folded
 -------+--e--·.._            dip  angle of the bar below the plane of the plate
-     plate      ··.._        m    the bar's normal: n without its component along the bar; the twist is the
+     plate      ··.._        m    normal of the bar: n without its component along the bar; the twist is the
                  bar          ·   angle between the normals of both ends
 
-A leg continues the plate down the surface (u) to a fold at e, and is level from there, with anchors.
+A leg continues the plate down the surface to a fold at e, and is level from there, with anchors.
 """
 
 from collections.abc import Sequence
@@ -24,19 +24,16 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE, LEAST_BAR, Bay, Lattice, 
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
-FLAT_SINE = np.sin(np.radians(5.0))
-"""Sine of the least slope of a surface at a support for a leg."""
+FLAT_SINE = np.sin(np.radians(5.0))  # sine of the least slope that a surface needs at a support for a leg
 LEAST_SIDE, ARM_SHARE = 1.5, 0.45
-"""Two limits for half the width of an arm: its least value over the bolt or anchor diameter, and otherwise its share of
-the narrowest member.
-"""
+"""Half the width of an arm: least value over the bolt or anchor diameter, and share of the narrowest member."""
 ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
-"""Anchor diameters from the fold to the first anchor, to the second, and to the end of the leg."""
+"""Anchor diameters from the fold to the first anchor, from there to the second, and from there to the leg's end."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Leg of a plate: unit direction (3,) in the plate, fold towards the normal (radians), anchor diameter (m)."""
+    """Leg of a plate: unit direction `way` (3,) in the plate, fold to the normal (radians), anchor diameter (m)."""
 
     way: Floats
     fold: float
@@ -59,7 +56,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : distance of a support from a node, in addition to member widths (m).
+    reach : largest distance of a support from its node, in addition to member widths (m).
     """
 
     supports: Floats
@@ -78,15 +75,15 @@ class Footing:
         return cls(points, up, float(surface.mean_edge), anchor) if len(points) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """Return the legs of nodes (q, 3) at supports, by node number; None where the surface is too flat."""
+        """Return the legs of nodes (q, 3) at supports, by node number; None if the surface is too flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         legs: dict[int, Leg | None] = {}
-        limits = self.reach + 0.75 * np.asarray(widths)  # a support within this distance belongs to the node
+        limits = self.reach + 0.75 * np.asarray(widths)  # largest distance from a node to its support (m)
         for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
-            outward = n @ self.up > 0  # plates fold in the opposite direction where normals point down
+            outward = n @ self.up > 0  # a plate whose normal points down folds upwards
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
             legs[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT_SINE else None
         return legs
@@ -95,7 +92,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes that are too flat."""
+    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes on too flat a surface."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(member.mean_width for member in node_members) for node_members in members]
@@ -108,9 +105,8 @@ def leg_plates(
         lowest = max(number for member in members[k] for number in layering.family_layers(member.family))
         height = layering.layer_height(lowest) - (layering.thickness + thickness) / 2
         half = max(LEAST_SIDE * leg.anchor, ARM_SHARE * min(member.mean_width for member in members[k]))
-        parts.append(
-            _leg_plate(nodes[k].id, leg, (widths[k] / 2 + layering.bolt, half), layering.bolt, height, thickness)
-        )
+        size = widths[k] / 2 + layering.bolt, half
+        parts.append(_leg_plate(nodes[k].id, leg, size, layering.bolt, height, thickness))
     return parts, flat
 
 
@@ -126,9 +122,8 @@ def _leg_plate(
     name = f"{node} foot"
     high = min(NODE_LETTERS, 0.9 * (root - bolt) / text_length(name, 1.0))
     marks = label(name, np.array([(root + 0.6 * bolt) / 2, 0.0]), 0.0, high)
-    return FlatPart(
-        *(name, "", (0.0, 0.0), outline, tuple(holes)), marks=marks, layer=height, folds=(fold,), thickness=thickness
-    ).at_origin()
+    basics = name, "", (0.0, 0.0), outline, tuple(holes)
+    return FlatPart(*basics, marks=marks, layer=height, folds=(fold,), thickness=thickness).at_origin()
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
@@ -141,21 +136,19 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
             f"{max(angles):.0f} degrees to be level"
         )
     if flat:
-        sentences.append(
-            f"no leg at {names_and_count(flat)}: the surface is less steep than 5 degrees there, or a bar is in its way"
-        )
+        reason = "the surface is less steep than 5 degrees there, or a bar is in the way of the leg"
+        sentences.append(f"no leg at {names_and_count(flat)}: {reason}")
     return sentences
 
 
 SQUARE_ANGLE = np.radians(70.0)
-"""Smallest angle between bars with square ends, which begin farther from the node; at sharper angles bars have mitres.
-"""
+"""Smallest angle between bars with square ends, which begin far from the node; bars at sharper angles have mitres."""
 
 
 @dataclass(frozen=True, eq=False)
 class BarEnd:
     """End of a bar.
-    node    : node number.    azimuth : radians counter-clockwise about the node's normal, from its first bar.
+    node    : node number.    azimuth : radians counter-clockwise about the node's normal, from the node's first bar.
     dip     : radians below the plane of the node.
     root    : distance from the node to the beginning of the bar's line (m).
     before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar.
@@ -193,7 +186,7 @@ class LatticeBar:
 
     @cached_property
     def direction(self) -> Floats:
-        """(3,) unit vector."""
+        """Unit vector (3,) from the first to the second end."""
         return np.asarray((self.points[1] - self.points[0]) / self.length)
 
     @cached_property
@@ -226,17 +219,18 @@ class BarLattice:
     lattice: Lattice
 
     def azimuth(self, joint: Joint, direction: Floats) -> float:
-        """Return the angle, 0 to 2 pi, from a joint's first bar to a direction (3,), counter-clockwise."""
+        """Return the angle (radians), 0 to 2 pi, from a joint's first bar to a direction (3,), counter-clockwise."""
         (k, side), n = joint.bars[0], joint.node.normal
         x = _level_directions((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
         return float(np.mod(np.arctan2(direction @ np.cross(n, x), direction @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
-        """Return the lattice with legs at supports, and names of supported nodes that are too flat or obstructed."""
+        """Return the lattice with legs at supports, and names of nodes on too flat a surface or with a bar in the
+        way.
+        """
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
-        points, normals = (
-            np.array([getattr(self.joints[k].node, name) for k in joined]) for name in ("point", "normal")
-        )
+        nodes = [self.joints[k].node for k in joined]
+        points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
         widths = [max(self.bars[number].bay.width for number, _ in self.joints[k].bars) for k in joined]
         joints, legless = list(self.joints), list[str]()
         for k, leg in footing.legs(points.reshape(-1, 3), normals.reshape(-1, 3), widths).items():
@@ -255,7 +249,7 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _BayEnds:
-    """Ends of bays: node number (2 b,), width (2 b,) in metres, and number of the bay's opposite end (2 b,)."""
+    """Ends of b bays: node number (2 b,), width (2 b,) in metres, and number of the bay's opposite end (2 b,)."""
 
     node: Ints
     width: Floats
@@ -263,29 +257,23 @@ class _BayEnds:
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
         """Return angles (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3)."""
-        return np.asarray(
-            -np.arcsin(np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1))
-        )
+        sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
+        return np.asarray(-np.arcsin(sines))
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Return bars of a thickness for all bays of a lattice, with bolts of a diameter (m)."""
+    """Return bars of a thickness (m) for all bays of a lattice, with bolts of a diameter (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
-    bay_ends = _BayEnds(
-        ends.T.ravel(),
-        np.tile([bay.width for bay in lattice.bays], 2),
-        np.concatenate([np.arange(count) + count, np.arange(count)]),
-    )
+    opposite, widths = np.roll(np.arange(2 * count), count), np.tile([bay.width for bay in lattice.bays], 2)
+    bay_ends = _BayEnds(ends.T.ravel(), widths, opposite)
     P = np.array([node.point for node in lattice.nodes]).reshape(-1, 3)
     N = np.array([node.normal for node in lattice.nodes]).reshape(-1, 3)
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[bay_ends.node[bay_ends.opposite]] - P[bay_ends.node]
+    level = _level_directions(chord, N[bay_ends.node])
     # bars begin beside their nodes, so they dip about 1.5 times as much as the lines between nodes
-    level, lean = (
-        _level_directions(chord, N[bay_ends.node]),
-        1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N))),
-    )
+    lean = 1.5 * thickness / 2 * np.sin(np.abs(bay_ends.dip(chord, N)))
     orders = [_counter_clockwise(np.flatnonzero(bay_ends.node == k), level, N[k]) for k in range(len(P))]
     lengths = np.linalg.norm(chord, axis=1)
     sizes = [_arm_size(gaps, bay_ends.width[order], lean[order], lengths[order], bolt) for order, _, gaps in orders]
@@ -325,11 +313,15 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 
 
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Return half the width of a node plate's arms, and the distance of their folds from the node (m). Bars at right
-    angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars stay closer to
-    the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this moves folds outwards.
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
+
+    Bars at right angles do not touch at half of their width from the node; sharper angles and leaning bars need more.
+    Short
+    bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this
+    moves
+    folds outwards.
     """
-    notch = 0.9  # arms of a plate separate at this share of the way from the node to the bars
+    notch = 0.9  # distance from the node to the point where arms separate, over the distance to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())
@@ -339,10 +331,9 @@ def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: flo
 
 
 def _bar_roots(P: Floats, N: Floats, bay_ends: _BayEnds, root: Floats, rounds: int = 30) -> Floats:
-    """Return the beginnings (2 b, 3) of the bars' lines, in the planes of their nodes."""
     node_points = P[bay_ends.node]
     roots = node_points
-    for _ in range(rounds):  # a round moves the roots e / (distance - e) times as far as the previous round
+    for _ in range(rounds):  # each round moves the roots less: e / (distance - e) times as far as the round before
         level = _level_directions(roots[bay_ends.opposite] - node_points, N[bay_ends.node])
         roots = node_points + root[bay_ends.node][:, None] * level
     return roots
@@ -354,11 +345,9 @@ def _bar_ends(
     dip = bay_ends.dip(directions, N)
     ends_by_number = {}
     for k, (order, azimuth, gaps) in enumerate(orders):
-        before = np.roll(gaps, 1)
-        for e, a, left_gap, right_gap in zip(
-            order.tolist(), azimuth.tolist(), gaps.tolist(), before.tolist(), strict=True
-        ):
-            ends_by_number[e] = BarEnd(k, a, float(dip[e]), right_gap, left_gap, float(root[k]))
+        columns = (x.tolist() for x in (order, azimuth, np.roll(gaps, 1), gaps))
+        for e, a, before, after in zip(*columns, strict=True):
+            ends_by_number[e] = BarEnd(k, a, float(dip[e]), before, after, float(root[k]))
     return ends_by_number
 
 

@@ -1,4 +1,4 @@
-"""`Lattice`: nodes of a graph of members, and the bays between them that bars can span."""
+"""The lattice of a structure of bars: nodes of a graph of members, and the bays that bars can span between them."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -15,10 +15,8 @@ from dsfab.members import Member, MemberGraph, Node
 from dsfab.workshop.development import PARALLEL_SHARE
 from dsfab.workshop.strips import STRIP_KINDS
 
-BAR_CLEARANCE = 0.25
-"""Clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
-LEAST_BAR = 4.0
-"""Shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt."""
+BAR_CLEARANCE = 0.25  # clearance in bolt diameters between neighbouring bars, and from the fold of a plate to a bar
+LEAST_BAR = 4.0  # shortest bar on a plate, in bolt diameters: one bolt, and two diameters on both sides of the bolt
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,9 +52,9 @@ class Bay:
 
 @dataclass(frozen=True, eq=False)
 class Lattice:
-    """Nodes and bays.
-    merged_pairs : number of node pairs that become one node, because they are closer than a bar is long.
-    parallel : names of omitted bays: a second bay joins the same two nodes.
+    """Nodes and bays of a structure of bars.
+    merged_pairs : number of node pairs that become one node, because they are closer than the shortest bar.
+    parallel : names of omitted bays, which join the same two nodes as another bay.
     rings    : names of closed members with fewer than three nodes, which cannot become bars.
     """
 
@@ -77,21 +75,21 @@ class _RawBay:
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     """Return the lattice of the members that have an axis; bolt : diameter (m).
-    Raises PatternError for too many short bays.
+    Raises PatternError if more than a tenth of the bays is too short for bars.
     """
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if becomes_bars(member)]
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
     group, short = _place_groups(keys, raw_bays, places, bolt)
-    if short > 0.1 * len(raw_bays):  # bars would no longer follow the pattern
+    if short > 0.1 * len(raw_bays):  # with fewer bays, bars do not follow the pattern
         raise PatternError(
             f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
         )
     nodes = [
         _lattice_node([key for key, k in zip(keys, group, strict=True) if k == group_number], places)
-        for group_number in _group_order(group)
+        for group_number in dict.fromkeys(group.tolist())
     ]
     number = {key: k for k, node in enumerate(nodes) for key in node.nodes}
     bays, parallel = _numbered_bays(raw_bays, number)
@@ -141,7 +139,9 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends join."""
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends are
+    grouped.
+    """
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)
@@ -159,10 +159,6 @@ def _place_groups(
     joined_pairs = np.concatenate([ends[short], np.array(corners, dtype=np.int64).reshape(-1, 2)])
     links = csr_array((np.ones(len(joined_pairs)), tuple(joined_pairs.T)), shape=(len(keys), len(keys)))
     return np.asarray(connected_components(links, directed=False)[1]), int(short.sum())
-
-
-def _group_order(group: Ints) -> list[int]:
-    return list(dict.fromkeys(group.tolist()))
 
 
 def _lattice_node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:

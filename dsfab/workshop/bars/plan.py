@@ -18,7 +18,8 @@ from dsfab.workshop.plates import plate_parts
 @dataclass(frozen=True, eq=False)
 class BarPlan:
     """Bars in space, their stock, and all parts: bars, node plates and discs.
-    legless : names of supported nodes whose plates have no leg."""
+    legless : names of supported nodes whose plates have no leg.
+    """
 
     bar_lattice: BarLattice
     stock: BarStock
@@ -37,7 +38,7 @@ class BarPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences on what can be built and what cannot."""
+        """Sentences about possible and impossible bars and plates."""
         legged = {joint.node.id: joint.leg for joint in self.bar_lattice.joints if joint.leg}
         return (
             *_possibility_lines(self),
@@ -48,7 +49,8 @@ class BarPlan:
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
     """Return the bars, plates and discs of a graph, with legs at supports. normals : (n, 3) at the vertices of the
-    graph's sheet. Raises PatternError if nodes are too close to each other for bars."""
+    graph's sheet. Raises PatternError if nodes are too close to each other for bars.
+    """
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
     nodes = lattice.lattice.nodes
@@ -65,19 +67,19 @@ def _possibility_lines(plan: BarPlan) -> Iterator[str]:
     joints = sum(joint.node.joined for joint in plan.bar_lattice.joints)
     yield (
         f"{len(bars)} straight bars of {length(stock.bar)} on {joints} plates of {length(stock.plate)}; they leave the "
-        f"surface by up to {length(plan.largest_sagitta)} ({max(bars, key=_sagitta).bay.id})"
+        f"surface by up to {length(plan.largest_sagitta)} ({max(bars, key=lambda bar: bar.sagitta).bay.id})"
     )
     if plan.too_short:
         yield (
             f"NOT POSSIBLE: {_names(plan.too_short)} too short for a bolt of {length(stock.bolt)} at each end; set "
-            "workshop.bolt smaller, make members narrower, or their spacing larger"
+            "a smaller workshop.bolt, narrower members, or a larger spacing"
         )
     dips = [(abs(end.dip), bar.bay.id) for bar in bars for end in bar.ends]
     twisted = max(bars, key=lambda bar: abs(bar.twist))
     yield (
         f"plates are folded by up to {np.degrees(max(dips)[0]):.1f} degrees ({max(dips)[1]}), and bars turned about "
-        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twisted as they are "
-        "bolted, or packed at their ends"
+        f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twist them when "
+        "they are bolted, or put packing at their ends"
     )
     yield from _sharp_angles(plan)
 
@@ -103,18 +105,14 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
         )
 
 
-def _sagitta(bar: LatticeBar) -> float:
-    return bar.sagitta
-
-
 def _omission_lines(plan: BarPlan) -> Iterator[str]:
     lattice = plan.bar_lattice.lattice
     joined = [node for node in lattice.nodes if len(node.nodes) > 1]
     if joined:
         farthest = max(joined, key=lambda node: node.moved)
         yield (
-            f"{len(joined)} plates stand for several nodes each, which are nearer to each other than a bar is long: "
-            f"up to {length(farthest.moved)} from where these are ({farthest.id})"
+            f"{len(joined)} plates stand for several nodes each, which are too close for bars between them: "
+            f"a plate is up to {length(farthest.moved)} from its nodes ({farthest.id})"
         )
     if lattice.parallel:
         yield f"{_names(lattice.parallel)} left out, beside other bars between the same nodes"
@@ -174,11 +172,9 @@ def _plate_quads(joint: Joint, lattice: BarLattice, stock: BarStock) -> Floats:
         sideways = np.cross(bar.normals[side], d)
         root, end_distance = bar.points[side] - stock.lever * bar.normals[side], stock.bolt_stations(bar)[1]
         fold = root + np.tan(bar.ends[side].dip / 2) * stock.lever * -d
-        corners.append((fold - joint.half * sideways, fold + joint.half * sideways))
-        end = root + end_distance * d
-        quads.append(
-            np.array([corners[-1][0], end - joint.half * sideways, end + joint.half * sideways, corners[-1][1]])
-        )
+        across, end = joint.half * sideways, root + end_distance * d
+        corners.append((fold - across, fold + across))
+        quads.append(np.array([fold - across, end - across, end + across, fold + across]))
     if joint.leg:
         quads += _leg_quads(joint, middle)
     for arm, next_arm in zip(corners, [*corners[1:], corners[0]], strict=True):

@@ -1,4 +1,5 @@
-"""Parts nested on sheets for the least cost. Spyrrow then moves the parts of one sheet to the rest.
+"""Parts nested on sheets for the least cost, and fewer sheets by spyrrow, which moves the parts of one sheet to the
+rest.
 
 Spyrrow packs a strip as short as possible, in a process of its own. It empties the least used sheet part by part.
 `least_clearance` checks each result; if the check fails, the old nest stays.
@@ -30,8 +31,7 @@ from dsfab.workshop.nesting.skyline import (
 )
 from dsfab.workshop.parts import OUTLINE_TOLERANCE, FlatPart
 
-SheetSize = tuple[float, float]
-"""Length and width of a sheet (m)."""
+SheetSize = tuple[float, float]  # length and width of a sheet (m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +44,7 @@ class NestedSheet:
 
     @property
     def used_share(self) -> float:
-        """Share of its area that becomes parts."""
+        """Share of the sheet's area that becomes parts."""
         return sum(item.part.area for item in self.parts) / (self.size[0] * self.size[1])
 
 
@@ -52,18 +52,17 @@ def nest_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
     """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
-
     stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
     prices : price of a sheet of each size.
 
     The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or takes for
-    each sheet the size with most used area for its price. After it, cheaper sizes replace sheets.
+    each sheet the size with most used area for its price. Then smaller sheets replace sheets whose parts fit on them.
     Raises PatternError for a part that fits on no sheet.
     """
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     cheapest: list[NestedSheet] | None = None
     for boxes in (False, True):
-        for order in _stock_orders(stock):
+        for order in ([first, *(size for size in stock if size != first)] for first in dict.fromkeys(stock)):
             limit = len(cheapest) - 1 if cheapest is not None and len(stock) == 1 else len(parts)
             if boxes and _box_area(parts, gap) > limit * max((a - gap) * (b - gap) for a, b in stock) + ROUNDING:
                 continue
@@ -74,13 +73,9 @@ def nest_parts(
     return [replace(sheet, price=costs[sheet.size]) for sheet in cheapest or []] if prices else cheapest or []
 
 
-def _stock_orders(stock: Sequence[SheetSize]) -> list[list[SheetSize]]:
-    return [[leading, *(size for size in stock if size != leading)] for leading in dict.fromkeys(stock)]
-
-
 def _costs(stock: Sequence[SheetSize], prices: Sequence[float]) -> dict[SheetSize, float]:
     priced = zip(stock, prices or [a * b for a, b in stock], strict=True)
-    return dict(sorted(priced, key=lambda one: -one[1]))
+    return dict(sorted(priced, key=lambda size_and_price: -size_and_price[1]))
 
 
 def _cheaper_nest(
@@ -137,7 +132,7 @@ def _fill_by_value(
 def stack_parts(
     parts: Sequence[FlatPart], stock: Sequence[SheetSize], gap: float, limit: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts on the skyline alone, faster than `nest_parts`; None for more than `limit` sheets."""
+    """Nest parts on the skyline alone, faster than `nest_parts`; None if more than `limit` sheets are necessary."""
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
@@ -145,13 +140,10 @@ def _box_area(parts: Sequence[FlatPart], gap: float) -> float:
     return float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
 
 
-def _size_key(part: FlatPart) -> tuple[float, ...]:
-    """Return the sort key that puts long and bowed parts first, because short parts fit between them."""
-    return (-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]))
-
-
 def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
-    return sorted(parts, key=lambda one: (_size_key(one), one.id))
+    # long and bowed parts come first, because short parts fit between them
+    keys = [(-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id) for part in parts]
+    return [parts[k] for k in sorted(range(len(parts)), key=keys.__getitem__)]
 
 
 def _fill_sheets(
@@ -162,9 +154,8 @@ def _fill_sheets(
     for part in _largest_first(parts):
         turns = part_shapes(part, grid, boxes)
         if not any(place_part(sheet, turns, grid) for sheet in opened):
-            new_sheet = next(
-                (sheet for size in stock if place_part(sheet := empty_sheet(size, grid), turns, grid)), None
-            )
+            fitting = (sheet for size in stock if place_part(sheet := empty_sheet(size, grid), turns, grid))
+            new_sheet = next(fitting, None)
             if new_sheet is None:
                 a, b = turns[0].size
                 grain_text = ", along its grain" if grid.grain else ""
@@ -183,8 +174,7 @@ def _fill_sheets(
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
     The distance is 0 for overlaps, and negative beyond an edge.
-    size : size of the sheet (m).
-    enough : distance (m); pairs whose boxes are farther apart are not measured.
+    size : size of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
     """
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
@@ -209,7 +199,7 @@ def _from_sides(points: Floats, polygon: Floats) -> float:
 
 
 def _inside(points: Floats, polygon: Floats) -> Bools:
-    """Return (p,) whether points (p, 2) are inside a polygon: a ray crosses its sides an odd number of times."""
+    """Return a mask (p,) of the points (p, 2) inside a polygon, from which a ray crosses an odd number of sides."""
     a, b = polygon, np.roll(polygon, -1, axis=0)
     x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -224,8 +214,7 @@ def _sides_cross(P: Floats, Q: Floats) -> bool:
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Return twice the area of the triangles a, b, c, positive if they turn to the left."""
-    u, v = b - a, c - a
+    u, v = b - a, c - a  # twice the area of each triangle, positive for a left turn
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
@@ -238,8 +227,8 @@ def require_spyrrow() -> None:
 
 
 def with_fewer_sheets(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on at most as many sheets; grain : parts of members lie along the sheets only."""
-    # the limit counts trials: with a limit in seconds, results would depend on the machine
+    """Return the same parts on fewer sheets if possible. grain : whether parts of members lie along the sheets only."""
+    # the limit counts trials, because with a limit in seconds results would depend on the machine
     remaining, tries = list(sheets), iter(range(24))
     while len(remaining) > 1:
         fewer = _without_least(remaining, gap, grain, tries)
@@ -283,15 +272,10 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    # spyrrow computes in single precision, and `contours` leave out corners within `OUTLINE_TOLERANCE` of a line
+    # spyrrow computes in single precision, and `contours` omit corners within `OUTLINE_TOLERANCE` of a line
     separation = gap + 1e-5 + 2 * OUTLINE_TOLERANCE
-    job = {
-        "items": [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts],
-        "height": size[1],
-        "length": size[0],  # spyrrow leaves the gap at the edges
-        "gap": separation,
-        "seed": 1,
-    }
+    items = [[part.contours[0].tolist(), _allowed_turns(part, size[1] - 2 * gap, grain)] for part in parts]
+    job = {"items": items, "height": size[1], "length": size[0], "gap": separation, "seed": 1}
     with temporary_folder("dsfab") as folder:
         path = Path(folder) / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")

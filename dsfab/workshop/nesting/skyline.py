@@ -1,4 +1,4 @@
-"""A partly filled sheet: shapes of parts in narrow columns, the skyline and the gaps below it."""
+"""A partly filled sheet: shapes of parts in narrow columns, the skyline of its parts, and the gaps below them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,13 +10,12 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.workshop.parts import FlatPart, polygon_area, rotation_matrix
 
-ROUNDING = 1e-9
-"""Rounding tolerance (m)."""
+ROUNDING = 1e-9  # tolerance for rounding errors (m)
 
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """Turned part: lower and upper edges (k,) in columns (m), moved outwards by half of the gap.
+    """Turned part: lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
     low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
     total : sum of the lower edge.    thick : largest height between both edges.
     """
@@ -49,38 +48,29 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return a part along the sheet in both directions, and across the sheet if it is short enough. A box needs two
-    turns only.
-    """
+    """Return the shapes of a part along the sheet and, if short enough, across it. A box needs fewer turns."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
-    tall = part.size[0] > grid.tallest or (grid.grain and bool(part.member))  # then the part never lies across
-    return shapes + [
-        _shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[1:] if not (tall and _is_quarter_turn(turn))
-    ]
-
-
-def _is_quarter_turn(turn: float) -> bool:
-    return abs(turn) == np.pi / 2
+    only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))
+    allowed = [turn for turn in turns[1:] if not (only_along and abs(turn) == np.pi / 2)]
+    return shapes + [_shape(part, turn, boxes, grid.gap, grid.step) for turn in allowed]
 
 
 @lru_cache(maxsize=4096)
 def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> PartShape:
     outline = part.outline @ rotation_matrix(turn)
     low, size, grid = outline.min(axis=0), np.ptp(outline, axis=0), ColumnGrid(gap, step, np.inf)
-    lower, upper = _box_columns(size, grid) if boxes else _columns(outline - low, size, grid)
-    return PartShape(
-        part, turn, low, size, lower, upper, float(upper.max()), float(lower.sum()), float((upper - lower).max())
-    )
+    if boxes:
+        k = _column_count(size, grid)
+        lower, upper = np.full(k, -gap / 2), np.full(k, size[1] + gap / 2)
+    else:
+        lower, upper = _columns(outline - low, size, grid)
+    extent = float(upper.max()), float(lower.sum()), float((upper - lower).max())
+    return PartShape(part, turn, low, size, lower, upper, *extent)
 
 
 def _column_count(size: Floats, grid: ColumnGrid) -> int:
     return int(np.ceil((size[0] + grid.gap) / grid.step - ROUNDING))
-
-
-def _box_columns(size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
-    k = _column_count(size, grid)
-    return np.full(k, -grid.gap / 2), np.full(k, size[1] + grid.gap / 2)
 
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
@@ -106,18 +96,15 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments p to q (s, 2), p left of q, between corners (k + 1,)."""
+    """Return the minimum or maximum (k,) of s segments p to q (s, 2), p left of q, between corners (k + 1,)."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
     j = np.clip(np.searchsorted(corner, q[:, 0], side="left") - 1, i, len(extremes) - 1)
     column_counts = j - i + 1
     segment = np.repeat(np.arange(len(p)), column_counts)
-    k = (
-        np.repeat(i, column_counts)
-        + np.arange(column_counts.sum())
-        - np.repeat(np.cumsum(column_counts) - column_counts, column_counts)
-    )
+    starts = np.cumsum(column_counts) - column_counts
+    k = np.repeat(i - starts, column_counts) + np.arange(column_counts.sum())
     (x, low), high, slim = p[segment].T, (q[:, 1] - p[:, 1])[segment], wide[segment]
     ends = (low + np.minimum(np.maximum((edges[k] - x) / slim, 0), 1) * high for edges in (corner[:-1], corner[1:]))
     f.at(extremes, k, f(*ends))
@@ -140,7 +127,7 @@ class NestedPart:
 
 @dataclass(eq=False)
 class SheetGap:
-    """Free room below a part: first column, floor (k,) and ceiling (k,) of the columns (m); high : largest height."""
+    """Free room below a part: first column, floor (k,) and ceiling (k,) of k columns (m); high : largest height."""
 
     begin: int
     floor: Floats
@@ -149,8 +136,8 @@ class SheetGap:
 
     @classmethod
     def from_columns(cls, begin: int, floor: Floats, ceiling: Floats, grid: ColumnGrid) -> "list[SheetGap]":
-        """Return the runs of columns that have useful room."""
-        high, least = ceiling - floor, grid.gap + 0.02  # metres: smaller gaps are of no use
+        """Return a gap for each run of columns with enough height for a part."""
+        high, least = ceiling - floor, grid.gap + 0.02  # metres: parts do not fit into smaller gaps
         bounds = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
@@ -161,7 +148,7 @@ class SheetGap:
 
 @dataclass(eq=False)
 class OpenSheet:
-    """Partly filled sheet: the used height (k,) of each column (m), and the free area (m2).
+    """Partly filled sheet: the used height (k,) of each of k columns (m), and the free area (m2).
     lowest  : lowest value of the skyline.    gaps : gaps below the skyline.
     refused : length, width and area of parts without room; larger parts are not tried again.
     """
@@ -182,8 +169,6 @@ def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
 
 
 class _PartPlace(NamedTuple):
-    """Place of a turned part: its score (lower is better), its rise over the sheet's edge (m), its first column."""
-
     score: float
     rise: float
     at: int
@@ -191,7 +176,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet in one of its turns, and return whether it has room."""
+    """Put a part on a sheet in one of its turns, and return whether the part has room."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
@@ -223,7 +208,7 @@ def _best_on_skyline(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid)
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in cached:  # half a turn keeps the length
+        if k not in cached:  # a half turn does not change the length
             column_runs = _column_windows(sheet.skyline, k)
             cached[k] = column_runs, column_runs.sum(axis=1)
         windows, sums = cached[k]
@@ -277,6 +262,6 @@ def _gap_area(sheet: OpenSheet, grid: ColumnGrid) -> float:
 
 
 def _column_windows(skyline: Floats, k: int) -> Floats:
-    """Return each run (q, k) of k columns as a view; numpy's function for this takes longer than its use."""
+    """Return each run (q, k) of k columns as a view; numpy's own function takes longer than the use of its result."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

@@ -3,7 +3,7 @@
     python -P spyrrow_program.py JOB.json
 
 JOB.json has `items`: [[outline [[x, y], ..], turns in degrees], ..], `height` and `length` of the sheet, `gap`, all in
-metres, and `seed`. It prints one line: [[item number, degrees, x, y], ..], or null without a solution.
+metres, and `seed`. The program prints one line: [[item number, degrees, x, y], ..], or null without a solution.
 """
 
 import json
@@ -19,9 +19,8 @@ def main(path: str) -> None:
     import spyrrow
 
     job = json.loads(Path(path).read_text(encoding="utf-8"))
-    items = [
-        spyrrow.Item(str(k), [(x, y) for x, y in shape], 1, turns) for k, (shape, turns) in enumerate(job["items"])
-    ]
+    shapes = enumerate(job["items"])
+    items = [spyrrow.Item(str(k), [(x, y) for x, y in shape], 1, turns) for k, (shape, turns) in shapes]
     instance = spyrrow.StripPackingInstance("sheet", job["height"], items)
     config = spyrrow.StripPackingConfig(
         early_termination=True,

@@ -1,4 +1,4 @@
-"""Structures of planks that stand upright on the surface, and have slots to half their depth where they cross.
+"""Structures of planks that stand upright on the surface. Where planks cross, both have slots to half their depth.
 
 slots   crossings of planks, and their slots    plank   a plank with its divisions, ends and covers
 plan    the whole plan: `plank_plan`

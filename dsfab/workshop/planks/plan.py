@@ -1,4 +1,4 @@
-"""The parts of a structure of planks, rolled out along the normals of the surface.
+"""The parts of a structure of planks, developed along the normals of the surface.
 
 A plank is the ruled surface P(s) + y N(s); on the axis its normal is -B. In its flat state it bends by kn in its own
 plane. In the structure it bends by kg across that plane and twists by tg. The twist makes its edges longer than drawn
@@ -18,34 +18,22 @@ from dsfab.workshop.development import StripCourse, member_course
 from dsfab.workshop.ground import BasePlane
 from dsfab.workshop.layers import courses_without_curls, shortened_courses, vanished_courses
 from dsfab.workshop.parts import FlatPart
+from dsfab.workshop.planks import slots
 from dsfab.workshop.planks.plank import Plank, PlankStock
-from dsfab.workshop.planks.slots import (
-    LEAST_DEGREES,
-    SLIDE_ANGLE,
-    SLOT_CLEARANCE,
-    STANDING_ORDER,
-    Crossing,
-    PlankParts,
-    Slot,
-    plank_crossings,
-    slot_width,
-)
 from dsfab.workshop.plates import is_plate, plate_parts
 from dsfab.workshop.splices import scarf_line
 from dsfab.workshop.strips import is_strip
 
 
 def upright_course(course: StripCourse, depth: float) -> StripCourse:
-    """Return the course of a plank from a course along the surface: its normal is -B, and its left the surface
-    normal.
-    """
+    """Return the course of a plank from a course along the surface: its normal is -B, its left the surface normal."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Return courses of all planks along the surface, and courses that stop before another plank or before a curl."""
+    """Return courses of all planks along the surface, and those that stop before another plank or before a curl."""
     members = [m for m in graph.members if is_strip(m)]
     extra_length = 2 * (stock.splice_reach + stock.depth + stock.overhang)
     courses = {m.id: member_course(graph, m, stock.overhang, extra_length) for m in members}
@@ -54,11 +42,8 @@ def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, Stri
     for family in dict.fromkeys(m.family for m in members):
         family_courses = {m.id: _thin_course(courses[m.id], stock.thickness) for m in members if m.family == family}
         nodes = {
-            name: sorted(
-                family_courses[name].wrapped_station(node.at[node.members.index(name)])
-                for node in graph.nodes_along[name]
-            )
-            for name in family_courses
+            name: sorted(course.wrapped_station(n.at[n.members.index(name)]) for n in graph.nodes_along[name])
+            for name, course in family_courses.items()
         }
         stopped |= shortened_courses(family_courses, nodes, joined, stock.overhang)
     return courses | stopped, stopped
@@ -74,10 +59,9 @@ def plank_parts(
     stock: PlankStock,
     room: list[tuple[float, float]],
     ground: BasePlane | None = None,
-    order: Sequence[str] = STANDING_ORDER,
-) -> PlankParts:
+    order: Sequence[str] = slots.STANDING_ORDER,
+) -> slots.PlankParts:
     """Return the parts of all members that are planks.
-
     room   : lengths and widths (m) that parts may have on the stock.
     ground : base plane whose supports level the ends; None without supports.
     order  : families, from the lowest planks to the uppermost.
@@ -86,9 +70,9 @@ def plank_parts(
     courses, stopped = plank_courses(graph, stock)
     vanished = vanished_courses(stopped, dict.fromkeys(stopped, stock.depth))
     courses = {name: course for name, course in courses.items() if name not in vanished}
-    parts = PlankParts(
+    parts = slots.PlankParts(
         tuple(order),
-        crossings=plank_crossings(graph, courses, order),
+        crossings=slots.plank_crossings(graph, courses, order),
         shortened=sorted(set(stopped) - vanished),
         vanished=sorted(vanished),
     )
@@ -101,28 +85,26 @@ def plank_parts(
     for x in parts.crossings.crossings:
         lower, upper = (by_name[name] for name in x.members)
         leans = x.slot_leans(direction) if (direction := upper.direction_at(x.at[1])) is not None else (0.0, 0.0)
-        half = slot_width(stock.thickness, x.angle) / 2 + SLOT_CLEARANCE
-        lower.slots.append(Slot(x.node, x.at[0], (x.rise - SLOT_CLEARANCE) / 2, half, leans[0], above=True))
-        upper.slots.append(Slot(x.node, x.at[1], (SLOT_CLEARANCE - x.rise) / 2, half, leans[1], above=False))
+        half = slots.slot_width(stock.thickness, x.angle) / 2 + slots.SLOT_CLEARANCE
+        y = (x.rise - slots.SLOT_CLEARANCE) / 2
+        lower.slots.append(slots.Slot(x.node, x.at[0], y, half, leans[0], above=True))
+        upper.slots.append(slots.Slot(x.node, x.at[1], -y, half, leans[1], above=False))
     for plank in planks:
         plank.add_parts(parts)
     return parts
 
 
 def _reachable_crossings(
-    crossings: list[Crossing], courses: Mapping[str, StripCourse]
-) -> tuple[list[Crossing], list[str]]:
-    reached = [
-        all(
-            courses[name].begin <= s <= courses[name].end or courses[name].closed
-            for name, s in zip(crossing.members, crossing.at, strict=True)
-        )
-        for crossing in crossings
-    ]
-    pairs = list(zip(crossings, reached, strict=True))
-    return [crossing for crossing, is_reached in pairs if is_reached], [
-        crossing.node for crossing, is_reached in pairs if not is_reached
-    ]
+    crossings: list[slots.Crossing], courses: Mapping[str, StripCourse]
+) -> tuple[list[slots.Crossing], list[str]]:
+    reached, missed = list[slots.Crossing](), list[str]()
+    for crossing in crossings:
+        places = [(courses[name], s) for name, s in zip(crossing.members, crossing.at, strict=True)]
+        if all(course.begin <= s <= course.end or course.closed for course, s in places):
+            reached.append(crossing)
+        else:
+            missed.append(crossing.node)
+    return reached, missed
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +113,7 @@ class PlankPlan:
     limit : strain at the material's strength; 0 if the preset has none.
     """
 
-    planks: PlankParts
+    planks: slots.PlankParts
     stock: PlankStock
     parts: tuple[FlatPart, ...]
     limit: float
@@ -143,15 +125,13 @@ class PlankPlan:
 
     @property
     def obstacle(self) -> str:
-        """Obstacle to building, in numbers, as a clause after "planks would"; "" if planks are possible."""
+        """Reason why planks are impossible, in numbers, as a clause that begins with "would"; "" if possible."""
         planks, worst = self.planks, max(self.planks.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
         if planks.crossings.sharp_nodes:
-            return (
-                f"would meet at under {LEAST_DEGREES:g} degrees at "
-                f"{names_and_count(planks.crossings.sharp_nodes)}, without slots"
-            )
+            nodes = names_and_count(planks.crossings.sharp_nodes)
+            return f"would meet at under {slots.LEAST_DEGREES:g} degrees at {nodes}, without slots"
         if planks.crowded:
             return f"would have slots without wood between them: {names_and_count(planks.crowded)}"
         if planks.stuck:
@@ -187,7 +167,7 @@ def plank_plan(
     room: list[tuple[float, float]],
     limit: float,
     ground: BasePlane | None = None,
-    order: Sequence[str] = STANDING_ORDER,
+    order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
     normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
@@ -205,12 +185,12 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
     planks, stock = plan.planks, plan.stock
     if not planks.bends:
         return
-    order = sorted(planks.bends, key=lambda one: -planks.bends[one])
+    order = sorted(planks.bends, key=lambda name: -planks.bends[name])
     worst, over = planks.bends[order[0]], [name for name in order if planks.bends[name] > plan.limit]
     size = f"upright planks, {length(stock.depth)} deep and {length(stock.thickness)} thick,"
     how = f"are bent across themselves to a strain of {worst:.2%} ({order[0]} most)"
     if not plan.limit:
-        yield f"{len(order)} {size} {how}; name a material or set statics.strength to have that judged"
+        yield f"{len(order)} {size} {how}; name a material or set statics.strength for a limit"
     elif over:
         yield (
             f"NOT POSSIBLE: {len(over)} of {len(order)} {size} {how}, {worst / plan.limit:.1f} times the "
@@ -219,7 +199,7 @@ def _bending_lines(plan: PlankPlan) -> Iterator[str]:
         )
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
-    twisted = max(planks.longer, key=lambda one: planks.longer[one])
+    twisted = max(planks.longer, key=lambda name: planks.longer[name])
     longest, least = planks.longer[twisted], 5e-5  # metres: a smaller difference cannot be measured
     yield (
         f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
@@ -231,21 +211,21 @@ def _crossing_lines(plan: PlankPlan) -> Iterator[str]:
     planks, stock = plan.planks, plan.stock
     crossings = planks.crossings
     if crossings.crossings:
-        sharpest = min(crossings.crossings, key=lambda one: one.angle)
+        sharpest = min(crossings.crossings, key=lambda crossing: crossing.angle)
         yield (
             f"{len(crossings.crossings)} nodes with a slot in both planks, cut square to the face; the widest are "
-            f"{length(slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
+            f"{length(slots.slot_width(stock.thickness, sharpest.angle))}, where planks cross at "
             f"{np.degrees(sharpest.angle):.0f} degrees ({sharpest.node})"
         )
     if crossings.sharp_nodes:
         yield (
-            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {LEAST_DEGREES:g} degrees "
-            "and have no slots: notch or screw them there"
+            f"NOT JOINED: at {names_and_count(crossings.sharp_nodes)} planks meet at under {slots.LEAST_DEGREES:g} "
+            "degrees and have no slots: notch or screw them there"
         )
     if planks.crowded:
         yield (
-            f"NOT POSSIBLE: slots are nearer to each other than wood is left between them, and were left out: "
-            f"{names_and_count(planks.crowded)}; set workshop.thickness smaller, or a larger spacing"
+            "NOT POSSIBLE: these slots are omitted, because neighbouring slots leave no wood between them: "
+            f"{names_and_count(planks.crowded)}; set a smaller workshop.thickness, or a larger spacing"
         )
 
 
@@ -253,14 +233,14 @@ def _sliding_lines(plan: PlankPlan) -> Iterator[str]:
     planks = plan.planks
     steep = {name: angle for name, angle in planks.slide_angles.items() if name not in planks.stuck and angle > 0}
     if steep:
-        worst = max(steep, key=lambda one: steep[one])
+        worst = max(steep, key=lambda name: steep[name])
         yield (
             f"planks with slots from below are put on along one direction, and their slots open for it by up to "
-            f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced where it would be more than "
-            f"{np.degrees(SLIDE_ANGLE):.0f}"
+            f"{np.degrees(steep[worst]):.1f} degrees ({worst}); planks are spliced to keep this angle below "
+            f"{np.degrees(slots.SLIDE_ANGLE):.0f}"
         )
     if planks.stuck:
-        worst = max(planks.stuck, key=lambda one: planks.stuck[one])
+        worst = max(planks.stuck, key=lambda name: planks.stuck[name])
         yield (
             f"NOT TO SLIDE TOGETHER: slots of {names_and_count(list(planks.stuck))} turn from each other, by up to "
             f"{np.degrees(planks.stuck[worst]):.0f} degrees from the middle ({worst}): give smaller bolts or thinner "
@@ -282,13 +262,11 @@ def _omission_lines(plan: PlankPlan) -> Iterator[str]:
             "or curl up" + (f"; {names_and_count(planks.missed_nodes)} are without them" if planks.missed_nodes else "")
         )
     if planks.vanished:
-        yield f"NOT BUILT, as others of their family stand where they would be: {names_and_count(planks.vanished)}"
+        yield f"NOT BUILT, because other planks of their family are there: {names_and_count(planks.vanished)}"
     plates = [part for part in plan.parts if part.member and not len(part.axis)]
     if plates:
-        yield (
-            "plates lie on the planks, without holes, and are to be screwed on: "
-            f"{names_and_count([x.id for x in plates])}"
-        )
+        names = names_and_count([plate.id for plate in plates])
+        yield f"plates lie on the planks, without holes, and are to be screwed on: {names}"
 
 
 def _rounded_down(metres: float) -> str:

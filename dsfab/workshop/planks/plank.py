@@ -23,7 +23,8 @@ EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 @dataclass(frozen=True)
 class PlankStock:
     """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
-    splice : "cover", "scarf" or "none"."""
+    splice : "cover", "scarf" or "none".
+    """
 
     thickness: float
     depth: float
@@ -33,12 +34,12 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """Layering that fixes the lengths of cover plates and the places of their bolts."""
+        """Layering that defines the lengths of cover plates and the places of their bolts."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
     def overhang(self) -> float:
-        """Length beyond the last node (m)."""
+        """Length of a plank beyond its last node (m)."""
         return max(3 * self.thickness, END_DISTANCE * self.bolt)
 
     @property
@@ -55,7 +56,7 @@ class PlankStock:
 def level_cut(
     layer: Development, ground: BasePlane, station: float, at_end: bool, depth: float
 ) -> tuple[float, float] | None:
-    """Return arc lengths at the right and left edge of a level end at a support; None for ends that are not level."""
+    """Return arc lengths at the right and left edge of a level end at a support; None if the end cannot be level."""
     height = ground.support_height(layer.course.frame_at(np.array([station]))[0][0], depth)
     direction = layer.frame(np.array([station]))[1][0] * (1 if at_end else -1)
     if height is None or -direction @ ground.up < STEEP_SINE:
@@ -65,7 +66,7 @@ def level_cut(
 
 
 def plank_outline(layer: Development, ends: EdgeStations, slots: Sequence[Slot], depth: float) -> Floats:
-    """Return the outline (k, 2), counter-clockwise from the right edge at the beginning."""
+    """Return the outline (k, 2) of a plank, counter-clockwise from the right edge at the beginning."""
     (a, b), (c, d) = ends
     right_edge = _edge_with_slots(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
     left_edge = _edge_with_slots(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
@@ -110,7 +111,7 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Return the height of letters that fit into `room` metres on both sides of the letters' middle."""
+    """Return the height of letters (m) that fit into `room` metres on both sides of their middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
@@ -137,10 +138,8 @@ class Plank:
         """Divide the plank into pieces that fit on the stock and that builders can slide onto the lower planks."""
         course, stock = self.course, self.stock
         upper = [crossing for crossing in crossings if self._has_role(crossing, 1)]
-        crossing_stations, normals = (
-            np.array([crossing.at[1] for crossing in upper]),
-            np.array([crossing.normal for crossing in upper]).reshape(-1, 3),
-        )
+        crossing_stations = np.array([crossing.at[1] for crossing in upper])
+        normals = np.array([crossing.normal for crossing in upper]).reshape(-1, 3)
         stations = np.array([crossing.at[k] for crossing in crossings for k in (0, 1) if self._has_role(crossing, k)])
         self.ends = self._level_ends(ground, stations, parts)
 
@@ -148,10 +147,8 @@ class Plank:
             return self._fits(begin, end, room)
 
         def slides(begin: float, end: float) -> bool:
-            return (
-                on_stock(begin, end)
-                and largest_deviation(normals[(crossing_stations >= begin) & (crossing_stations <= end)]) <= SLIDE_ANGLE
-            )
+            inside = (crossing_stations >= begin) & (crossing_stations <= end)
+            return on_stock(begin, end) and largest_deviation(normals[inside]) <= SLIDE_ANGLE
 
         clear = stock.splice_reach + 2 * stock.thickness
         span, repeated = (course.begin, course.end), course.repeated_stations(stations)
@@ -160,19 +157,16 @@ class Plank:
         except PatternError:
             cuts = splice_cuts(span, repeated, clear, on_stock, self.member.id)
         self.cuts = cuts.stations
-        parts.splices_near_nodes, parts.splice_count = (
-            parts.splices_near_nodes + cuts.near_nodes,
-            parts.splice_count + len(cuts.stations) - (1 if course.closed else 2),
-        )
+        parts.splices_near_nodes += cuts.near_nodes
+        parts.splice_count += len(cuts.stations) - (1 if course.closed else 2)
         for name, (begin, end) in zip(self.names, self.spans, strict=True):
             piece_normals = normals[(crossing_stations >= begin) & (crossing_stations <= end)]
             angle = largest_deviation(piece_normals)
             if angle > SLIDE_ANGLE * (1 + 1e-9):
                 parts.stuck[name] = angle
             parts.slide_angles[name] = angle
-            self.directions.append(
-                middle_direction(piece_normals) if len(piece_normals) and angle <= SLIDE_ANGLE * (1 + 1e-9) else None
-            )
+            slides_on = len(piece_normals) and angle <= SLIDE_ANGLE * (1 + 1e-9)
+            self.directions.append(middle_direction(piece_normals) if slides_on else None)
 
     def _has_role(self, crossing: Crossing, k: int) -> bool:
         return crossing.members[k] == self.member.id
@@ -189,7 +183,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None where slots are as narrow as possible."""
+        """Return the assembly direction of the piece at an arc length; None if its slots do not open."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
@@ -216,7 +210,9 @@ class Plank:
         """Add pieces and cover plates to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
-        holes = [self._splice_holes(joint, k) for k, joint in enumerate(joints, 1)] if stock.splice == "cover" else []
+        bolts = stock.layering.splice_bolts(stock.depth) if stock.splice == "cover" else ()
+        holes = [[(joint + x, y, f"{self.member.id}.c{k}") for x, y in bolts] for k, joint in enumerate(joints, 1)]
+        holes = holes if stock.splice == "cover" else []
         around = course.end - course.begin
         every = [hole for joint_holes in holes for hole in joint_holes]
         every += [(s + around, y, name) for s, y, name in every] if course.closed else []
@@ -225,11 +221,8 @@ class Plank:
             slots = self._slots(name, span, parts)
             begin, end = self._lapped_span(span)
             outline = plank_outline(layer, self._piece_ends((begin, end)), slots, stock.depth)
-            inside = [
-                hole
-                for hole in every
-                if begin + HOLE_EDGE_DISTANCE * stock.bolt <= hole[0] <= end - HOLE_EDGE_DISTANCE * stock.bolt
-            ]
+            margin = HOLE_EDGE_DISTANCE * stock.bolt
+            inside = [hole for hole in every if begin + margin <= hole[0] <= end - margin]
             drilled = tuple(Hole(layer.to_plane(np.array([s]), np.array([y]))[0], stock.bolt, n) for s, y, n in inside)
             marks = plank_marks(layer, name, (begin, end), slots, stock)
             if stock.lap:
@@ -256,7 +249,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # so wood remains between slots
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # wood remains between slots
             before = [previous.s + previous.mouth(edge)[1] for previous in accepted if previous.above == slot.above]
             if before and before[-1] > low:
                 parts.crowded.append(f"{slot.node} in {name}")
@@ -276,10 +269,6 @@ class Plank:
                 ends[k] = cut
                 parts.level_ends += 1
         return ends[0], ends[1]
-
-    def _splice_holes(self, joint: float, number: int) -> list[tuple[float, float, str]]:
-        name = f"{self.member.id}.c{number}"
-        return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
 
     def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
         stock, reach = self.stock, self.stock.layering.half_cover_length

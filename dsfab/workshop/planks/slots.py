@@ -2,9 +2,9 @@
 
          d  assembly direction of the upper plank
     n   /
-    |  /          ┌──────┐    ┌──────┐    lower plank: a slot from above
-    | /           │      │    │      │
-    |/            │      └────┘      │    its bottom in the middle of both
+    |  /          ┌──────┐    ┌──────┐    lower plank with a slot from above;
+    | /           │      │    │      │    the bottom of the slot is in the middle
+    |/            │      └────┘      │    of both planks
                   └──────────────────┘
 
 Slots are cut square to the face. Planks of thickness t that cross at an angle a need t / sin a + t / tan a.
@@ -32,18 +32,15 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) between the two of unit vectors (q, 3) that differ most."""
+    """Return the unit vector (3,) midway between the two of unit vectors (q, 3) that differ most."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
 
 
 STANDING_ORDER = ("major", "minor", "rim", "keep")
-"""Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier
-families.
-"""
-SLOT_CLEARANCE = 2e-4
-"""Clearance between a plank and each side and the bottom of a slot (m)."""
+"""Families from the lowest to the uppermost if their heights are equal; builders put later families on earlier ones."""
+SLOT_CLEARANCE = 2e-4  # clearance between a plank and each side and the bottom of a slot (m)
 LEAST_DEGREES = 30.0
 """Smallest crossing angle of planks with slots (degrees); at a smaller angle a slot would cut most of the plank."""
 
@@ -53,8 +50,8 @@ class Crossing:
     """Two planks at a node.
     members : lower plank and upper plank.    at : (2,) arc lengths of their courses (m).
     rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
-    ways    : (2, 3) unit tangents of both planks, square to the normal.    angle : between the tangents, at most 90
-              degrees (radians).
+    ways    : (2, 3) unit tangents of both planks, square to the normal.
+    angle   : angle between the tangents, at most 90 degrees (radians).
     """
 
     node: str
@@ -70,7 +67,7 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return how far the lower and the upper slot open for a unit assembly direction (3,), per metre of height."""
+        """Return the lengths by which both slots open, over their height, for a unit assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -89,7 +86,7 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return the begin and end of the mouth at an edge over the axis, from the slot's middle (m)."""
+        """Return the beginning and end of the mouth at an edge over the axis, from the slot's middle (m)."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
@@ -108,9 +105,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, the lowest first; up : (3,) unit vector.
-    The lowest family stands on the ground and carries the rest.
-    """
+    """Return the families, the lowest first, which stands on the ground and carries the rest; up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in STANDING_ORDER}
     for member in graph.members:
@@ -125,12 +120,12 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
-    """Return all nodes between two planks, by their courses; order : families from the lowest to the uppermost."""
+    """Return all nodes between two planks, by their courses. order : families from the lowest to the uppermost."""
     result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
             continue
-        pairs = sorted(zip(node.members, node.at, strict=True), key=lambda one: order.index(graph.by_id[one[0]].family))
+        pairs = sorted(zip(node.members, node.at, strict=True), key=lambda x: order.index(graph.by_id[x[0]].family))
         if not np.isfinite(node.at).all() or node.angle < LEAST_DEGREES:
             result.sharp_nodes.append(node.id)
             continue
@@ -142,9 +137,9 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks; iterate with the plane through both tangents: P + u T + w n = Q + v U."""
+    """Return the crossing of two planks, by steps in the plane through both tangents: P + u T + w n = Q + v U."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
-    for _ in range(5):  # Newton steps
+    for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
         n = (N + M) / np.linalg.norm(N + M)
         u, v, rise = np.linalg.solve(np.stack([T, -U, n], axis=1), Q - P)
@@ -158,7 +153,6 @@ def _crossing(
 @dataclass
 class PlankParts:
     """Flat parts of all planks, with notes on them.
-
     order     : families, from the lowest planks to the uppermost.
     crossings : nodes with and without slots.
     crowded   : slots that would run into a neighbouring slot, "N007 in A02".
