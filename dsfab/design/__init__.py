@@ -1,4 +1,6 @@
-"""The order of the stages: `run` makes a `Design` from a preset; `revise` repeats it from the first changed section."""
+"""All stages of a design in their order: `run` computes a preset; `revise` repeats a design from its first changed
+section.
+"""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design
@@ -33,19 +35,19 @@ __all__ = [
 ]
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""
+"""Rows of the timing table of a run: those of the paper's Table 2, followed by stages that the paper lacks."""
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
     """Run all stages of a preset.
 
-    Raises the DsfabError of the stage that refuses, and PresetError if `preset` is a mesh alone.
+    Raises the DsfabError of the stage that fails, and PresetError if `preset` is a mesh.
     """
     return Design.from_preset(preset, None, progress).until("thickening")
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`, reusing each stage of `design` before the first section that differs.
+    """Return the design of `preset`, and reuse each stage of `design` before the first section that differs.
 
     A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear.
     """
@@ -53,8 +55,9 @@ def revise(design: Design, preset: Preset, progress: Progress | None = None) -> 
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, reusing those of `earlier` before the first section that differs; cut nothing.
+    """Run the stages up to the pattern, without a cut; reuse the stages of `earlier` before the first section that
+    differs.
 
-    Raises the DsfabError of the stage that refuses.
+    Raises the DsfabError of the stage that fails.
     """
     return Design.from_preset(preset, earlier, progress).until("pattern")

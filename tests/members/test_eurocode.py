@@ -343,7 +343,7 @@ def test_presets_say_what_is_checked_by_what():
         *("permanent", "short"),
         *("short", "medium"),
     ]
-    assert found.loads == "Judged in 7 cases and combinations, with the factors that the preset gives them."
+    assert found.loads == "Checked in 7 cases and combinations, with the factors in the preset."
     assert (found.material, found.timber.layer) == ("GL24h", 0)
     nothing = {"name": "still", "factors": {"dead": 1.35, "left": 0.0}}
     still = load_preset("snow_vault", {"surface.combination": [nothing], "eurocode.bent_in": True})

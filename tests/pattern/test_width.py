@@ -350,7 +350,7 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
     design = draft(with_overrides(preset, {"pattern.width.solid_fraction": wanted}))
     share = design.sheet.surface.area / design.surface.area
     assert share == pytest.approx(nearest, abs=1e-4)
-    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest: the share jumps there" in note.text]
+    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest, because the share jumps" in note.text]
 
 
 def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():

@@ -428,7 +428,7 @@ def test_new_in_another_folder_names_the_mesh_from_there(tmp_path, monkeypatch):
         (["new", "nothing.obj"], "does not exist"),
         (["new", "roof.toml"], "is a preset already"),
         (["new", "roof.obj", "-o", "roof.obj"], "a preset is a .toml file"),
-        (["new", "roof.obj", "--up", "w"], "is no axis; use one of x, y, z, -x, -y, -z"),
+        (["new", "roof.obj", "--up", "w"], "is not an axis; use one of x, y, z, -x, -y, -z"),
         (["new", "roof.obj", "--unit", "miles"], "is not known; use one of mm"),
         (["new", "roof.obj", "--material", "oak"], "is not known"),
         (["new", "nan.obj"], "no face has three finite corners"),

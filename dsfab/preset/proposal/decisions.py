@@ -1,4 +1,4 @@
-"""Decisions for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
+"""Decisions about a mesh: the `Proposal`, which contains a preset for `dsfab build`."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -22,20 +22,20 @@ from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, 
 from dsfab.surface import Marks, RawMesh, Surface
 
 OWN = "roof"
-"""Shipped preset that stands for the user's own surface; `--mesh` replaces it by a proposal for that mesh."""
+"""Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and its decisions."""
+    """A preset for a mesh, as text with comments, and the decisions behind it."""
 
     given: UserMesh
     size: Sizes
     stands: tuple[Foot, ...]
     snow: bool
-    """Whether it carries snow, see `takes_snow`."""
+    """True if the surface carries snow, see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
-    """Marks in the file beside the surface, by layer; see `drawn_marks`."""
+    """Marks in the user's file beside the surface, by layer; see `drawn_marks`."""
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -44,7 +44,7 @@ class Proposal:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A line for each decision: topic, choice, and how to change it."""
+        """One line for each decision: topic, choice, and the key that changes it."""
         width = max(len(decision.topic) for decision in self.decisions)
         return tuple(
             f"{decision.topic:<{width}}  {decision.choice}" + (f"; change {decision.change}" if decision.change else "")
@@ -52,15 +52,15 @@ class Proposal:
         )
 
     def text(self, file: Path | None = None) -> str:
-        """Return the preset as TOML; for a mesh in Python the text names no file.
-        file : path of the mesh relative to the preset's folder; by default the user's path."""
+        """Return the preset as TOML; the text names no file for a mesh from Python.
+        file : path of the mesh relative to the preset's folder; default: the user's path.
+        """
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
 
     @cached_property
     def preset(self) -> Preset:
-        """The preset itself."""
         values = tomllib.loads(self.text())
         if "mesh" in self.given.keys:
             values["surface"]["mesh"] = self.given.surface
@@ -70,12 +70,13 @@ class Proposal:
 
 
 def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
-    """Return a preset for the user's own surface, as `dsfab new` writes it.
-    mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
+    """Return a preset for the user's own surface; `dsfab new` writes the same preset.
+    mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material."""
+    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
+    """
     return propose(mesh, unit, up, material).preset
 
 
@@ -88,8 +89,9 @@ def propose(
     raw: RawMesh | None = None,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-    max_triangles : limit of a mesh file, which also limits the cost of reading it. raw : content of the file, if the
-                    caller has read it."""
+    max_triangles : limit for a mesh file, which also limits the time of reading it.
+    raw           : content of the file, if the caller has read it.
+    """
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
@@ -105,7 +107,7 @@ def propose(
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof: an open surface that does not cover any place twice in the view from above."""
+    """Return True for a roof: an open surface that does not overlap itself much in plan."""
     if is_figure(surface):
         return False
     up = surface.normals[:, 2] * surface.areas

@@ -1,4 +1,4 @@
-"""Text of a proposed preset with comments, and its lines for snow and wind."""
+"""Text of a proposed preset with comments, with the proposed lines for snow and wind."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -16,14 +16,15 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 
 def snow_on_top(surface: Surface) -> str | None:
-    """Return the picker of faces with snow on an open surface that is not a roof, such as the top of a ball.
-    Normals may point either way. None for models, and for surfaces without a top (wall, tower) or an outside."""
+    """Return the picker of faces with snow on an open surface that is not a roof, such as the upper part of a ball.
+    Normals may point in or out. None for models, and for surfaces without a top (wall, tower) or without an outside.
+    """
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
     outwards = np.einsum("mi,mi,m->", surface.normals, surface.centroids - surface.V.mean(axis=0), surface.areas)
     up = 1.0 if outwards > 0 else -1.0
-    slides = 60  # degrees from which snow slides off [EN 1991-1-3, table 5.2]
+    slides = 60  # degrees; snow slides off steeper faces [EN 1991-1-3, table 5.2]
     lies = up * surface.normals[:, 2] > np.cos(np.radians(slides))
     if float(surface.areas[lies].sum()) < 0.15 * surface.area:
         return None
@@ -46,7 +47,7 @@ def _one_sided(surface: Surface) -> bool:
 
 
 SNOW = 750.0
-"""Placeholder of the snow on the plan (Pa); the user must replace it by the local code's value."""
+"""Placeholder for the snow on the plan (Pa); the user must replace this value by that of the local code."""
 SHARE = 0.45
 """Share of the surface that stays material."""
 
@@ -61,8 +62,9 @@ def proposal_text(
     marks: Mapping[str, Marks],
 ) -> str:
     """Return the preset as TOML with comments.
-    keys : keys of [surface], which define the mesh. notes : topic -> choice. marks : marks of the file, which replace
-           proposed feet."""
+    keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic.
+    marks : marks of the file, which replace proposed feet.
+    """
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
@@ -115,7 +117,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
 def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
     for foot in stands:
         yield _support(surface, size, foot)
-    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem may do without supports at its rim
+    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem needs no supports at its rim
         yield [
             f"# {line}" for line in ("To stand on a stem, take these lines instead:", *_support(surface, size, stem))
         ]
@@ -171,7 +173,7 @@ def _widths() -> Iterator[str]:
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
-    if is_figure(surface):  # ears and fingers bend more sharply than a roof
+    if is_figure(surface):  # a sculpture has sharper bends than a roof
         yield ["[thickening]", _entry("thinnest", 0.05, "share of the thickness that sharp bends must leave")]
 
 
