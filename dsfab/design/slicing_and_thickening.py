@@ -37,7 +37,7 @@ def slicing_step(
         cells = trial.cells if trial else tidied_sheet(surface, *pattern.cut_inputs[:2], options.snap, pattern.tidy)
         cut_cells = cells
         if not cells.material.any():
-            raise PatternError("the pattern has no material; lower pattern.major.threshold or increase pattern.keep")
+            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or increase pattern.keep")
         finished = finish(cells, finishing, trial)
         resolved = pattern.preset_with_choices(preset)
         cells = kept_to_least_widths(resolved, finished.cells, surface, log, finishing, trial)

@@ -1,4 +1,4 @@
-"""Write numbers as text, and write files and folders atomically: a failure leaves the old content."""
+"""Write numbers as text, and write files and folders atomically: after a failure the old content remains."""
 
 import ctypes
 import errno
@@ -20,7 +20,7 @@ from typing import Any
 from dsfab.core.errors import ExportError
 
 TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
-"""Zeros at the end of decimals; they would fill a quarter of a STEP file."""
+"""Zeros at the end of decimals; they would make up a quarter of a STEP file."""
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
@@ -59,20 +59,20 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder of this process; remove folders of the same word that ended processes left."""
+    """Return a new temporary folder of this process; remove folders with the same prefix `word` of ended processes."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True if a process on this machine that has ended left a file of this name."""
+    """Return True for the name of a file from a process on this machine that has ended."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
 
 def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
-    """Return the paths that ended processes left in a folder."""
+    """Return the paths in a folder that ended processes left behind."""
     try:
         return sorted(path for path in folder.iterdir() if is_abandoned(path.name, word))
     except OSError:
@@ -90,7 +90,9 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder, only once per folder because it may hold thousands."""
+    """Remove files that ended processes left in a folder; only once per folder, which may contain thousands of
+    files.
+    """
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -125,7 +127,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """Return the start tick of a process: 0 if the process has ended and waits for its parent, None if unknown."""
+    """Return the start tick of a process: 0 if it has ended and waits for its parent, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -137,24 +139,24 @@ _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
     errno.EFBIG: "the file is too large for this disk; choose another folder",
-    errno.ENOENT: "the folder does not exist; make it first",
-    errno.ENOTDIR: "the folder does not exist, a file has its name; choose another folder",
+    errno.ENOENT: "the folder does not exist; create it first",
+    errno.ENOTDIR: "a file has the name of the folder; choose another folder",
     errno.EACCES: "there is no permission to write there; choose another folder",
     errno.EPERM: "there is no permission to write there; choose another folder",
     errno.EROFS: "the disk is read-only; choose another folder",
     errno.EISDIR: "a folder has that name; choose another name",
-    errno.ENAMETOOLONG: "the name is too long; choose a shorter one",
+    errno.ENAMETOOLONG: "the name is too long; choose a shorter name",
 }
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name in the folder of `path` with its suffix; its file replaces `path` at the end.
+    """Yield a temporary name in the folder of `path` with its suffix; at the end the temporary file replaces `path`.
 
-    A failure or an interrupt removes the temporary file and leaves an older `path` as it was.
+    After a failure or an interrupt the temporary file is removed and an older `path` is unchanged.
     Raises ExportError in place of OSError.
     """
-    target = Path(os.path.realpath(path))  # a link remains; its target is replaced
+    target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
     try:
@@ -164,7 +166,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise _refusal(path, error) from error
     finally:
-        with suppress(OSError):  # the file does not exist, or the system refuses
+        with suppress(OSError):  # the file does not exist, or the system forbids its removal
             temporary.unlink()
 
 
@@ -204,7 +206,9 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 DESIGN = "design.json"
-"""File with the manifest of a design's folder, under `MANIFEST`. It is written last, and is not in the manifest."""
+"""File with the manifest of a design's folder, under the key `MANIFEST`. dsfab writes this file last; the manifest does
+not list it.
+"""
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
@@ -212,19 +216,18 @@ JOURNAL = ".journal.json"
 _HERE, _EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of renameat2(2)."""
 
-
 Outdated = Callable[[Path, Path], set[str]]
-"""Function of the old folder and the new folder that returns names of old files to remove."""
+"""A function from the old and the new folder to the names of old files to remove."""
 
 
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
 
-    outdated : function that selects old files to remove. The default selects the files of the old manifest if there is
-               a new one.
-    Raises ExportError if the folder cannot be written."""
-    target = Path(os.path.realpath(folder))  # a link remains, its target changes
+    outdated : selects old files to remove; by default the files in the old manifest if there is a new manifest.
+    Raises ExportError if the folder cannot be written.
+    """
+    target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
         complete_folder(target)
@@ -260,13 +263,13 @@ def require_writable(folder: Path) -> None:
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return size and SHA-256 of every file of a folder, by name; the manifest itself is not included."""
+    """Return size and SHA-256 of every file of a folder, by name, without the manifest itself."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
 def complete_folder(folder: Path) -> None:
-    """Complete a move into a folder that an interrupted process began, and remove the files that this process left."""
+    """Complete a move into a folder that an interrupted process began, and remove the files of that process."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -275,7 +278,7 @@ def complete_folder(folder: Path) -> None:
 
 
 def _partial_of(target: Path) -> Path:
-    """Create a temporary folder to write in: beside the target if the two can be exchanged, else inside the target."""
+    """Create a temporary folder: beside the target if the two folders can be exchanged, else inside the target."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         if not target.is_dir():
@@ -322,7 +325,7 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if two folders may be exchanged: the target holds only the user's files, and is not the working
+    """Return True if two folders may be exchanged: the target has only the user's files, and is not the working
     folder.
     """
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
@@ -357,7 +360,7 @@ def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Keep files that the user saved during the exchange."""
+    """Move files back that the user saved during the exchange."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)

@@ -1,4 +1,4 @@
-"""The members of a design: parts of its sheet with names and axes, and the nodes at which they meet.
+"""The members of a design: parts of its sheet with names and axes, and the nodes where members meet.
 
 axes         middle lines of stripes, smooth axes with curvatures, widths to both sides
 components   bands of the pattern, with the cells and the middle line of each member

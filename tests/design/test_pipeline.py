@@ -206,7 +206,7 @@ def test_a_load_on_removed_material_is_told():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9 but only diffusion\.modes = 8"),
+        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9, but only diffusion\.modes = 8"),
         ({"pattern.major.threshold": 1.0, "pattern.minor.threshold": 1.0, "pattern.keep": 0.0}, "leaves no material"),
         ({"surface.support.0.hold": "z"}, "can move along"),
         ({"surface.support": []}, "no support"),

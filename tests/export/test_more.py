@@ -111,7 +111,7 @@ def test_the_history_of_an_archive_is_found_wherever_it_is_and_its_checksum_is_r
     changed = found[at : at + len(body)]
     assert found[at + len(body) :][:4] == zlib.crc32(changed).to_bytes(4, "little")
     assert changed == body.replace(bytes(range(32)), struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0))
-    with pytest.raises(ExportError, match="in another way than dsfab knows"):
+    with pytest.raises(ExportError, match="a layout that dsfab does not know"):
         without_times(archive[:60])
 
 

@@ -314,7 +314,9 @@ def test_the_worst_of_all_cases_decides():
     assert found.largest[0] == pytest.approx(40 / 235)
     assert found.values["up"][0].max() == found.by_member["A1"]
     assert found.station["up"][0, found.checks.index(check)] == 2
-    assert found.summary.startswith("A1 bears most, 17% (tension, EN 1993-1-1 6.2.3 (6.5)) under up; no member")
+    assert found.summary.startswith(
+        "largest utilisation: A1, 17% (tension, EN 1993-1-1 6.2.3 (6.5)) under up; no member"
+    )
     assert found.worst_bays(10) == [0]
     assert any("stability of the structure" in line for line in found.unchecked)
 

@@ -324,7 +324,7 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         ({"surface.combination": [{"name": "snow", "factors": {"dead": 1}}]}, r"0\.name = 'snow': a case or combinat"),
         (
             {"surface.combination": [{"name": "combined", "factors": {"dead": 1}}]},
-            r"name = 'combined': this name stand",
+            r"name = 'combined': diffusion\.follow uses",
         ),
         ({"surface.load.1.case": "combined"}, r"surface\.load\.1\.case = 'combined': diffusion\.follow uses this name"),
         ({"surface.load.1.case": "big snow"}, r"surface\.load\.1\.case = 'big snow': .*pattern"),

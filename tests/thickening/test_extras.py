@@ -210,7 +210,7 @@ def test_extras_are_made_in_their_order(plate):
     [
         (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 meets no material"),
         (Holes(at=((0.5, 0.5, 0.0),), diameter=0.0, depth=0.2), "diameter must be a positive length"),
-        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "must have a length"),
+        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "is a zero vector"),
         (Trim(), "needs point and normal of a plane, or low and high"),
         (Trim(point=(0.0, 0.0, 0.0)), "needs point and normal"),
         (Trim(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0)), "low must be below high"),

@@ -55,7 +55,7 @@ def check(part: Part, path: Path) -> ReadBack:
         raise count_error(part, "beams", len(frame.ends), beams)
     points = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame.points)]
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
+        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")
     return ReadBack(beams, "beams")
 
 

@@ -1,4 +1,4 @@
-"""DXF (R2010): edges and centre lines in place, with plan and elevations, or each member as a named group."""
+"""DXF (R2010): edges and centre lines in place, with plan and elevations; or each member as a named group."""
 
 import io
 from collections import defaultdict
@@ -53,7 +53,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """Return an empty ezdxf drawing in millimetres, with dashes of lines scaled to the size of the part."""
+    """Return an empty ezdxf drawing in millimetres; dashes of lines are scaled to the size of the part."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -85,8 +85,9 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add the consecutive curves of a line to a drawing: splines, and one polyline for each straight run; yield the
-    entities."""
+    """Add the consecutive curves of a line to a drawing, and yield the entities: splines, and polylines of straight
+    runs.
+    """
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -172,7 +173,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
-        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # letters of names have this height
+        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # of the letters of names
         for shape in part.details.shapes:
             entities = list(_member(document, shape, curve_tolerance(part), height))
             for entity in entities:
@@ -212,7 +213,8 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, a group of each member with axis and
-    edges."""
+    edges.
+    """
     import ezdxf
 
     document = ezdxf.readfile(path)
@@ -231,8 +233,6 @@ def check_members(part: Part, path: Path) -> ReadBack:
         length_read = sum(map(polyline_length, (*lines[True], *lines[False])))
         length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
         if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
-            raise ExportError(
-                f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json instead"
-            )
+            raise ExportError(f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json")
         total, total_expected = total + length_read, total_expected + length_expected
     return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

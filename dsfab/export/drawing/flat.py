@@ -1,7 +1,7 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
-The drawings use LWPOLYLINE and CIRCLE only, because every cutting program reads these; letters are polylines too. Equal
-drawings give equal bytes.
+The drawings use only LWPOLYLINE and CIRCLE, because every cutting program reads these; letters are polylines, too.
+Equal drawings give equal bytes.
 """
 
 from collections import Counter
@@ -32,12 +32,12 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""Colours of the layers in SVG, the same as in DXF."""
+"""Colours of the layers in SVG, as in DXF."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatLine:
-    """A polyline through points (k, 2), metres; a closed one does not repeat its first point."""
+    """A polyline through points (k, 2), metres; a closed polyline does not repeat its first point."""
 
     layer: str
     points: Floats
@@ -91,7 +91,8 @@ _TITLE = "title of the drawing"
 
 class _Frame(NamedTuple):
     """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
-    handle of the space that holds entities.
+    handle
+    of the space that contains the entities.
     """
 
     before: str
@@ -156,9 +157,9 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """Return a drawing as SVG at full size, its layers as groups for Inkscape.
+    """Return a drawing as SVG at full size, with its layers as groups for Inkscape.
 
-    hair : width of its lines, metres; 0 for a width that suits a view of the whole drawing.
+    hair : width of the lines, metres; 0 for a width that suits a view of the whole drawing.
     """
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
@@ -176,7 +177,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        # names of 8 mm stay legible on sheets of several metres
+        # so that names of 8 mm stay legible on sheets of several metres
         width = min(hair, 0.8) if name == "ENGRAVE" else hair
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'

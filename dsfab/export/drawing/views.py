@@ -22,8 +22,9 @@ AXES = {
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-    runs  : visible parts of lines, (k, 2) millimetres.
-    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view."""
+    runs  : visible parts of lines, points (k, 2) in millimetres.    low, high : corners of the view.
+    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view.
+    """
 
     title: str
     runs: tuple[tuple[StructureLine, Floats], ...]
@@ -33,13 +34,12 @@ class DrawingView:
 
     @cached_property
     def extent(self) -> Floats:
-        """(2,) width and height, millimetres."""
+        """Width and height (2,), millimetres."""
         return self.high - self.low
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front view and right view of a sheet with its lines; a view along the plane of the sheet is left
-    out."""
+    """Return plan, front view and right view of a sheet with its lines, without a view along the plane of the sheet."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -61,7 +61,7 @@ def _view(
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / 800
-    margin = 0.01 * size  # a surface hides points that are farther behind it than this
+    margin = 0.01 * size  # a surface hides points farther behind it than this margin
     depth = _DepthPicture.from_mesh(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
@@ -73,7 +73,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Grid of depths: (w, h) largest third coordinate in each cell, -inf in empty cells."""
+    """Grid of depths (w, h): largest third coordinate in each cell, -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -100,7 +100,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return (k,) True if all nine cells around a point (k, 3) are in front of the point by the margin."""
+        """Return True for points (k, 3) if all nine cells around the point are in front of it by the margin."""
         cell_index = np.clip(
             ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2
         )
@@ -132,12 +132,12 @@ PAPER_MARGIN = 10.0
 VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)
 """Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales are these numbers times a power of ten."""
+"""Usual scales are one of these numbers times a power of ten."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view on paper: its upper left corner and its size, millimetres from the paper's upper left corner."""
+    """A view on paper. corner : upper left corner, millimetres from the paper's upper left corner."""
 
     view: DrawingView
     corner: tuple[float, float]
@@ -145,7 +145,7 @@ class PlacedView:
 
     @property
     def size(self) -> Floats:
-        """(2,) width and height on paper, millimetres."""
+        """Width and height on paper (2,), millimetres."""
         return np.asarray(self.view.extent / self.scale)
 
     def on_paper(self, points: Floats) -> Floats:

@@ -16,7 +16,7 @@ from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colo
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers that the glTF standard gives to kinds of arrays."""
+"""Numbers of the glTF standard for kinds of arrays."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -37,7 +37,7 @@ def glb_chunks(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh in millimetres."""
+    """Read the file back with trimesh and compare the mesh in millimetres with the part."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, millimetres(V), F)
 
@@ -87,7 +87,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh as a scene and compare the members."""
+    """Read the file back with trimesh as a scene and compare the members with those of the part."""
     import trimesh
 
     scene, meshes = trimesh.load_scene(path, process=False), {}
