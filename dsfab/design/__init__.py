@@ -1,6 +1,5 @@
-"""All stages of a design in their order: `run` computes a preset; `revise` repeats a design from its first changed
-section.
-"""
+"""Stages of a design in their order: `run` computes a preset; `revise` repeats a design from its first changed
+section."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design
@@ -39,25 +38,18 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
-    """Run all stages of a preset.
-
-    Raises the DsfabError of the stage that fails, and PresetError if `preset` is a mesh.
-    """
+    """Run all stages of a preset. Raises the DsfabError of a stage that fails, and PresetError for a wrong argument."""
     return Design.from_preset(preset, None, progress).until("thickening")
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
     """Return the design of `preset`, and reuse each stage of `design` before the first section that differs.
-
-    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear.
-    """
+    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
     """Run the stages up to the pattern, without a cut; reuse the stages of `earlier` before the first section that
     differs.
-
-    Raises the DsfabError of the stage that fails.
-    """
+    Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -58,9 +58,7 @@ def refusal(preset: Preset, statics: StaticsResult) -> str:
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
     """Return a sentence for each point of a picker that is too far from the nearest vertex.
-
-    Raises SurfaceError with the first sentence, unless `statics.check` is false.
-    """
+    Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
     for name, entry in zip(names, (*section.support, *section.load), strict=True):

@@ -50,10 +50,8 @@ T = TypeVar("T")
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """A preset and the results of its stages, computed on first access and held in `StageResults`.
-
     surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run`
-    computes all of them, `dsfab.design.draft` the stages before the cut; `dsfab.revise` returns a changed design.
-    """
+    computes all of them, `dsfab.design.draft` the stages before the cut; `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -62,7 +60,6 @@ class Design:
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
         """Return a design that only has the results of `earlier` before the first section that differs.
-
         Raises PresetError for an argument that is not a preset, for example a mesh; the message lists the missing keys.
         """
         if not isinstance(preset, Preset):
@@ -80,15 +77,11 @@ class Design:
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
         """Return a design with given results, by the names of its attributes.
-
-        log : receives the seconds and notes of the stages that are computed later.
-        """
+        log : receives the seconds and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
-        """Compute every stage up to `stage`, and return the design itself; raises the DsfabError of a stage that
-        fails.
-        """
+        """Compute every stage up to `stage`, and return the design; raises the DsfabError of a stage that fails."""
         before = STAGES[: STAGES.index(stage) + 1]
         for name in before:
             getattr(self, RESULT_NAMES.get(name, (name,))[0])
@@ -179,9 +172,7 @@ class Design:
     def _rough_design(self) -> "Design | None":
         """Return a design with rough statics and its own log, for a sketch before the more accurate elements are
         solved.
-
-        None if the accurate statics exist already, or if rough statics save no time.
-        """
+        None if the accurate statics exist already, or if rough statics save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
@@ -207,8 +198,7 @@ class Design:
 
         None if the approximate count of material cannot give the widths; then `pattern` raises an error with the
         reason.
-        Raises the DsfabError of the stage that fails.
-        """
+        Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
         source, options = self._rough_design() or self, self.preset.pattern
@@ -256,9 +246,7 @@ class Design:
     @property
     def frame(self) -> "Frame":
         """The members as beams between nodes, with supports and loads.
-
-        Raises StaticsError if no member has an axis, or if the sheet lost a load.
-        """
+        Raises StaticsError if no member has an axis, or if the sheet lost a load."""
         return self.cached_result("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
@@ -276,9 +264,7 @@ class Design:
     @property
     def member_utilisation(self) -> "Utilisation":
         """Forces of members over their resistance by the standard of the material, see `dsfab.members.eurocode`.
-
-        Raises StaticsError if neither the material nor a strength is set.
-        """
+        Raises StaticsError if neither the material nor a strength is set."""
         return self.cached_result(
             "slicing", "member utilisation", lambda: member_utilisation(self.preset, self.members, self.member_forces)
         )
@@ -301,9 +287,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), for a design read from a folder; None for a
-        computed design.
-        """
+        """Fields of the VTU file by name, (n, ...) or (m, ...), if the design comes from a folder; else None."""
         return self._results.result("fields", lambda: None)
 
     @property
@@ -338,17 +322,13 @@ class Design:
 
     def quality(self, symmetry: bool = True) -> PatternQuality:
         """Measure the quality of the pattern, on the sheet if it exists, else on the stripes.
-
-        symmetry : True to measure the error of the symmetry, too, which takes longest.
-        """
+        symmetry : True to measure the error of the symmetry, too, which takes longest."""
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """The loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if the sheet lost a
-        load.
-        """
+        """Loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if the sheet lost a load."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -357,9 +337,7 @@ class Design:
     @property
     def section_forces(self) -> dict[str, SectionForces]:
         """Forces n, m and q on each face of the cut sheet, by case and combination, see `dsfab.statics.SectionForces`.
-
-        Raises StaticsError if the sheet lost a load.
-        """
+        Raises StaticsError if the sheet lost a load."""
         return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:

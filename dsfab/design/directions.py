@@ -37,9 +37,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes, the rows (3, 3), for signs and bases of modes; they depend on loads and supports, so turn with
-    the design.
-    """
+    """Return axes, the rows (3, 3), for signs and bases of modes; they follow loads and supports, not x, y and z."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -94,9 +92,6 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
 
 
 def _unclear_direction_message(share: float, labelling: Labelling) -> str:
-    """Return a note that most of the surface has no clear direction; larger loads do not help, because all stress
-    grows alike.
-    """
     alike = "as large" if labelling == "magnitude" else "nearly the same"
     hint = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
     return (
@@ -109,8 +104,7 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 class Steering:
     """Changes of stripe directions by the user: rotation from the stress (radians), guides, the symmetry that remains,
     and a
-    note for the user, or ''.
-    """
+    note for the user, or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -118,9 +112,7 @@ class Steering:
     told: str = ""
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return the clarity of the directions (m,), 0 to 1, from that of the stress (m,) and the weights of the
-        guides.
-        """
+        """Return the clarity of the directions (m,), 0 to 1, from that of the stress (m,) and from the guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
@@ -128,9 +120,7 @@ class Steering:
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
         """Return the final steering for the directions `along` (n, 3) of the major stripes.
-
-        over : (n,) True at vertices where the two families exchange names, see `family_crossings`.
-        """
+        over : (n,) True at vertices where the two families exchange names, see `family_crossings`."""
         first_share, second_share = (
             (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1)
         )
@@ -147,11 +137,8 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the steering of a pattern.
-
     symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without a reach.
-
-    Raises PatternError for an angle on a one-sided surface, and for a guide without effect.
-    """
+    Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
@@ -198,9 +185,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the selected symmetry and its order; None and 1 if only the identity remains, or if the elements form
-    no group.
-    """
+    """Return the selected symmetry and its order; None and 1 for the identity alone, or if they form no group."""
     R, maps = (
         symmetry.R[selected],
         tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected),

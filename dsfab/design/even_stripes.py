@@ -45,11 +45,9 @@ SLOPES = (0.6, 1.6)
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
     """The lines of one family.
-
     most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face.
     free  : (m,) as `wish`, but without limits, also negative.
-    slope : (n,) periods per metre at each vertex.    grown : actual over wanted growth of the phase, in total.
-    """
+    slope : (n,) periods per metre at each vertex.    grown : actual over wanted growth of the phase, in total."""
 
     phase: CornerPhase
     most: int
@@ -67,8 +65,7 @@ class StripeDirections:
                  vertices.
     confidence : (m,) clarity of the directions on each face, 0 to 1.
     moved      : (n,) displacement of the vertices under the followed loads, in any unit.
-    members    : curves of guides that become members.
-    """
+    members    : curves of guides that become members."""
 
     frames: Frames
     given: StressDirections
@@ -144,8 +141,7 @@ def _directions(
     The search for crossings of the two stresses precedes smoothing. Across a crossing the direction of the larger
     stress
     turns by a right angle. Smoothed directions in between would be meaningless, with singular points along the
-    crossing.
-    """
+    crossing."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         return images.directions(frames, cross_field(frames, stress, length, steer.turn, steer.guidance))
@@ -177,9 +173,7 @@ def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirection
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return vertices (n,) where the families exchange names; none if guides name a family, or if symmetric images
-    disagree.
-    """
+    """Return vertices (n,) where the families exchange names; none with guides, or if symmetric images disagree."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -188,7 +182,6 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
     """Directions and density of one family, from which its lines follow for any spacing.
-
     g     : (n, 3) direction of the phase's gradient at each vertex.    u : (n,) logarithm of the density.
     start : (n,) weight of each vertex as a start of the phase.    members : curves that become members of the family.
     """
@@ -203,9 +196,7 @@ class FamilyCourse:
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
         """Return the course of a family by its name.
-
-        Lines run through the places of largest stress: `start` is the fourth power of the stress.
-        """
+        Lines run through the places of largest stress: `start` is the fourth power of the stress."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -220,11 +211,9 @@ class FamilyCourse:
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, on average `spacing` (m) apart.
-
         Of two phases that differ by half a period, the chosen phase puts lines where stressed places move. Supported
         places
-        are stiff without a line.
-        """
+        are stiff without a line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -277,19 +266,15 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the stress of the middle surface; optimal forces exist for this stress
-    only.
-    """
+    """Return True if the pattern follows the stress of the middle surface, as optimal forces require."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
     """Return statics in which stresses of the stiffest sheet of varying thickness replace the followed stresses.
-
     Each stress is scaled by its local thickness over the constant thickness. Raises PatternError if the pattern follows
-    bending.
-    """
+    bending."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
@@ -309,10 +294,8 @@ FINEST = 0.5
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
     """Return True if two [pattern] sections give the same centre lines: only widths and kept regions may differ.
-
     Keys for stripes on modes make no difference, either. Any new key counts, until this function names it. With
-    rounds of weight, every key counts.
-    """
+    rounds of weight, every key counts."""
     if current.rounds:
         return earlier == current
 
@@ -331,9 +314,7 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
     """Return the evenly spaced stripes of [pattern].
-
-    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface.
-    """
+    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -357,11 +338,9 @@ def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
     """Return both families of lines, redrawn if the mean spacing (m) of the remaining lines is off by over 5 %.
-
     A family with all or no lines halved may miss any spacing by half. A family that is still off by 30 % is drawn
     without
-    halving.
-    """
+    halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -415,11 +394,9 @@ def _digits(length: float) -> str:
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
     """Both families after lines end in crowded places; density : (n, 2) remaining lines per metre of each family.
-
     The density is the mean over all symmetric images of a point, because widths depend on it, and faces of a mesh are
     less
-    symmetric than vertices.
-    """
+    symmetric than vertices."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

@@ -20,8 +20,7 @@ from dsfab.surface import Surface
 SPECK = 0.15
 """Smallest opening between evenly spaced stripes, as a share of their spacing: smaller openings, remainders at the
 edge of
-the surface, become material.
-"""
+the surface, become material."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
@@ -42,7 +41,6 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
     """Return the members that merge across a slit in tidied patterns; see `merging_rule`.
-
     Patterns without stripes keep their slits. So a topology optimisation that is cut by the same preset keeps its mass.
     """
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
@@ -51,9 +49,7 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
 
 def merging_rule(preset: Preset) -> Merging:
     """Return the rule for filling slits: all slits, or only those of crowded members.
-
-    If more than half of the surface is solid, members are hardly narrower than openings, so slits are normal.
-    """
+    If more than half of the surface is solid, members are hardly narrower than openings, so slits are normal."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -61,10 +57,8 @@ def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None without material.
-
     The defaults of [slicing] apply, because no stage depends on a later section.
-    polygons : the surface cut along the pattern, if the caller has it.
-    """
+    polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
     cells = sheet_of(polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy))
@@ -73,9 +67,7 @@ def trial_cut(
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
     """Return a trial cut with bridges and, for a workshop, with least widths; also the added share of the surface.
-
-    A bridge fills a gap between rounded members that is too narrow.
-    """
+    A bridge fills a gap between rounded members that is too narrow."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -84,9 +76,7 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     """Return the smallest opening and the smallest neck (m), or 0: smaller openings are filled, smaller necks bridged.
-
-    Openings between evenly spaced stripes have necks about as wide as the sheet is thick.
-    """
+    Openings between evenly spaced stripes have necks about as wide as the sheet is thick."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -111,7 +101,6 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
-
     By default no member is narrower than half the thickness, about the width of a cutter. This default is also the
     largest limit for members: if [slicing] requests more, only members between openings with round corners are widened.
     """
@@ -128,9 +117,7 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
 
 def usual_gap(thickness: float, size: float) -> float:
     """Return the least width (m) of openings, for a thickness (m) and a diagonal (m) of the surface's box.
-
-    It is a quarter of the thickness, and at least 3 mm for a saw blade, or a 500th of the size of small designs.
-    """
+    It is a quarter of the thickness, and at least 3 mm for a saw blade, or a 500th of the size of small designs."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
@@ -145,9 +132,7 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 def least_member(options: Pattern, surface: Surface) -> float:
     """Return the least width (m) of evenly spaced members of varying width.
-
-    It is half the width that equally wide members would have; without a solid fraction half the surface is material.
-    """
+    It is half the width that equally wide members would have; without a solid fraction half the surface is material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -157,12 +142,9 @@ def kept_to_least_widths(
 ) -> Sheet:
     """Return the cells of a cut surface, with material added in narrow places as far as possible; note the number of
     changes.
-
     Filled strips leave slivers with edges of a micrometre, where quadrature and sparse solvers lose digits. So cells
     are flipped and collapsed within the faces of the surface; the edges of the material do not move.
-
-    trial : the trial cut of these cells, whose steps are reused.
-    """
+    trial : the trial cut of these cells, whose steps are reused."""
     if not any(least := least_widths(preset, surface)):
         return cells
     widened = least_widths_of(cells, *least, options, trial)
@@ -175,9 +157,7 @@ def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
     """Return the share of the surface that least widths add to the sheet of a pattern, by the defaults of [slicing].
-
-    polygons : the surface cut along the pattern, if the caller has it.
-    """
+    polygons : the surface cut along the pattern, if the caller has it."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)

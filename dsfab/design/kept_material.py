@@ -25,11 +25,9 @@ class _LatestLayers(NamedTuple):
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
     """Return the layers that are material independent of the stripes.
-
     With symmetric stripes, patches around supports and loads are united with their images, because their edges are
     ragged
-    by up to one mesh edge. The user's regions stay unchanged.
-    """
+    by up to one mesh edge. The user's regions stay unchanged."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -66,9 +64,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None for a field without
-    modes.
-    """
+    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None without modes."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -114,8 +110,7 @@ def corrected_pattern(
                     after the search without bridges, and in each further trial only if it was not 0.
 
     The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
-    openings close; then the search bisects between two trials, below and above the requested share.
-    """
+    openings close; then the search bisects between two trials, below and above the requested share."""
     requested, tolerance = width.solid_fraction, width.solid_fraction_tolerance
     trials = list[_ShareTrial]()
     bridges = 0.0
@@ -151,9 +146,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the middle of the nearest two trials around the requested share, as the next target; 0 without such
-    trials.
-    """
+    """Return the middle of the nearest two trials around the requested share; 0 without such trials."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

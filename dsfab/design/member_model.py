@@ -26,16 +26,12 @@ LOAD_DURATIONS: dict[str, "Duration"] = {
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration of loads by their action [EN 1995-1-1, table 2.2]; every other action, including snow, has a medium
-duration.
-"""
+"""Duration of loads by their action [EN 1995-1-1, table 2.2]; every other action, also snow, has a medium duration."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
     """Return forces of members over their resistance, in the cases and combinations of the ultimate limit state.
-
-    Raises StaticsError if neither the material nor a strength is set.
-    """
+    Raises StaticsError if neither the material nor a strength is set."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
@@ -95,10 +91,8 @@ PERMANENT = {"self_weight", "cladding"}
 
 class ActionCase(NamedTuple):
     """Loads of one case that belong to one kind of action.
-
     case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on the uncut
-           surface.
-    """
+           surface."""
 
     case: str
     action: str
@@ -107,10 +101,8 @@ class ActionCase(NamedTuple):
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
     """Return the load cases of a preset by name, each split into cases with a single kind of action.
-
     Frame programs combine cases by their kinds: weight inside a snow case would wrongly vary with the snow. An entry of
-    `surface.actions` applies to the whole case.
-    """
+    `surface.actions` applies to the whole case."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -149,9 +141,7 @@ def beam_model(
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
     """Return the beam model of a cut sheet with its members, under the loads of these cases.
-
-    A combination adds the parts of a split case. Raises StaticsError if no member has an axis.
-    """
+    A combination adds the parts of a split case. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
@@ -170,9 +160,7 @@ def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
     """Compare beams with the cut sheet, whose ribs twist as bars, in each case.
-
-    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of them.
-    """
+    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of them."""
     from dsfab.members.frame import agreement, solve_frame
 
     answers, spread_faces = solve_frame(frame), _spread_faces(graph, sheet.m)
@@ -191,9 +179,7 @@ def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
     """Return the answers of a sheet whose ribs twist as a thin sheet, and of one whose ribs twist as bars.
-
-    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow.
-    """
+    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:
@@ -204,9 +190,7 @@ def _sheet_and_bar_answers(
 
 
 def _spread_faces(graph: "MemberGraph", count: int) -> Bools:
-    """Return faces of the sheet (m,) that carry in all directions: those in discs, and those outside members with
-    an axis.
-    """
+    """Return faces of the sheet (m,) that carry in all directions: in discs, or outside members with an axis."""
     outside_members, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     for member in graph.members:
         within = graph.source[member.cells]

@@ -1,6 +1,5 @@
-"""Search for a pattern method: modes or even stripes, with several width rules, forces and spacings; all are cut and
-compared.
-"""
+"""Search for a pattern method: modes or even stripes with several width rules, forces and spacings, cut and
+compared."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -22,8 +21,7 @@ EXCHANGEABLE_RULES = ("constant", "graded")
 """Width rules that the search may exchange, if the preset requests one of these with a solid fraction."""
 SPACINGS = (0.75, 1.25)
 """Factors for spacings that the preset leaves open. In a plane, closer stripes are mostly stiffer if the mesh resolves
-them: a plate with a hole at 30 % solid fraction has .86 times the compliance.
-"""
+them: a plate with a hole at 30 % solid fraction has .86 times the compliance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +33,7 @@ class MethodCandidate:
     grading : (n, f) half-width of each vertex and family over the largest, for the rule `stressed`; None for other
               rules.
     notes   : notes for the design.                    drawn   : the finished stripes, if they were drawn as for
-              building.
-    """
+              building."""
 
     preset: Preset
     attempt: Attempt
@@ -52,10 +49,8 @@ def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may exchange rules.
-
     Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, and 1.3 to
-    3.9 times by other rules.
-    """
+    3.9 times by other rules."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -82,10 +77,8 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-
     The gain is large if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
-    compliance.
-    """
+    compliance."""
     options = preset.pattern
     usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
     if (
@@ -113,9 +106,7 @@ def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
-
-    There are candidates only if the preset leaves the spacings open and requests a solid fraction.
-    """
+    There are candidates only if the preset leaves the spacings open and requests a solid fraction."""
     usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
     if not usable or not preset.pattern.width.solid_fraction:
         return
@@ -141,10 +132,8 @@ def respaced_candidates(
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
     """Return families with open spacings, scaled by `factor` and rounded to two digits, and a text with these spacings.
-
     A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one edge
-    each.
-    """
+    each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -225,9 +214,7 @@ def _with_quality(
     sheet: Sheet,
 ) -> MethodCandidate:
     """Return a candidate with its sheet, and with the number of dead ends and slits of that sheet.
-
-    worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`.
-    """
+    worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
     return replace(
@@ -241,11 +228,9 @@ def _exchangeable(width: Width) -> bool:
 
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
-
     One of them is a gentle grading, by half the power q. Bars without bending are stiffest if as wide as their force,
     but
-    members with little force still carry their own weight and brace other members.
-    """
+    members with little force still carry their own weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -257,16 +242,13 @@ NEAR_BEST = 0.1
 """Candidates whose compliance exceeds the best by less than this share are measured again, by more accurate elements.
 Trials round no corners, so that their solid fraction is off by up to 8 %. On a bracket, modes were 3 %
 worse than stripes in their trial, and 28 % better as built. The quick elements of trials are up to 26 % too stiff for
-members one triangle wide.
-"""
+members one triangle wide."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best method of drawing stripes, and all attempts, best first.
-
     The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
-    `Attempt.rank`); better elements decide between close candidates. Raises PatternError if none carries the loads.
-    """
+    `Attempt.rank`); better elements decide between close candidates. Raises PatternError if none carries the loads."""
     candidates: list[MethodCandidate] = []
     for method, halve in methods(preset):
         with log.row("method"):
@@ -291,9 +273,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
     """Return the candidates; the best four, if nearly equal, have their worth as built.
-
-    The best candidate is built last, because slicing continues from its trial cut.
-    """
+    The best candidate is built last, because slicing continues from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
     shares = [
@@ -308,9 +288,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; better elements order equally flawless candidates that are nearly as stiff as
-    the best.
-    """
+    """Return candidates, best first; better elements order equally flawless, nearly equally stiff candidates."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]

@@ -71,9 +71,7 @@ class Trial:
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
         """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
-
-        grading : (n, f) relative half-widths of each family, as in `drawable_families`.
-        """
+        grading : (n, f) relative half-widths of each family, as in `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -135,9 +133,7 @@ LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
 
 
 class WidthStep(NamedTuple):
-    """Half-widths of a step, their worth (energy in joules times share of the surface), and half-widths of the next
-    step.
-    """
+    """Half-widths of a step, their worth (energy in joules times share of the surface), and the next half-widths."""
 
     worth: float
     grading: Floats
@@ -148,10 +144,8 @@ def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
-
     The best trial has the least compliance per share of material, by constant strain and mid-edge bending on the cut
-    mesh. None if the first sheet does not carry the loads: then the widths follow the rule `graded`.
-    """
+    mesh. None if the first sheet does not carry the loads: then the widths follow the rule `graded`."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
     if not steps:
         return None
@@ -166,11 +160,9 @@ def stressed_step(
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
     """Return the choice, beginning with the modes and phases that are stiffest with the width rule `stressed`.
-
     The search computes stressed widths of the best three pairs of modes and of the lowest pair. Their order may change:
     on the cantilever at 30 % of the material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut
-    plate, and modes 1 and 1 from 4.40 to 3.01 times.
-    """
+    plate, and modes 1 and 1 from 4.40 to 3.01 times."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -263,15 +255,11 @@ START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses both modes. Both families have the same phase. All four are tried
 with a
 mode 1, else only the first.
-
 A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
-phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4.
-"""
+phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: the first list if the search chooses no mode, the second for one
-mode.
-"""
+"""Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
 
 TOGETHER = ((1, 1), (-1, -1))
 """Equal moves of both phases."""
@@ -291,13 +279,10 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
-
     The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
     search tries at most 57 candidates, the steps of a topology optimisation. For the width rule `stressed`, trials use
     graded widths; then `stressed_choice` reorders the best few.
-
-    Raises PatternError if no candidate carries the loads.
-    """
+    Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)
@@ -330,9 +315,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. It has only three digits: so mirror images are equal, and lower modes and phases come
-    first.
-    """
+    """Return the sort key, with three digits: so mirror images are equal, and lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

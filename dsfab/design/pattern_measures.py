@@ -23,9 +23,7 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247, the root of x^3 = x + 1 [Roberts
-2018].
-"""
+"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247, root of x^3 = x + 1 [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
@@ -57,13 +55,10 @@ def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
     """Measure the quality of a pattern; after the cut, measure symmetry on the cells.
-
     For tidied patterns, dead ends and slits after the cut are those of the sheet.
-
     symmetry : True to measure the error of the pattern's own symmetry, too, which takes longest.
     cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
-    sheet    : the part of the cells that remains; all material by default.
-    """
+    sheet    : the part of the cells that remains; all material by default."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = _followed_directions(design)
@@ -100,13 +95,10 @@ def _sheet_quality(
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the family without dead ends that the sheet does not have.
-
     An end does not count if its material was removed, or if the member continues, for example as a member of the other
     family around a singular point of the stress.
-
     reach      : metres; a dead end still exists if material is nearer than this.
-    half_width : (n,) half-width of the family's members at each vertex, in periods.
-    """
+    half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -181,17 +173,13 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where the stripes differ from an image, for the worst image of the
-    symmetry.
-    """
+    """Return the share of the uncut surface where the stripes differ from their worst symmetric image."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
     """Return `symmetry_error` for the cells of the cut.
-
-    Here edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round.
-    """
+    Here edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -209,8 +197,7 @@ def _asymmetric_share(
                so that no row of points lies along the edge of a member.
     material : returns True for each of the points (p, 3) whose nearest place is material, (p,).
     samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of
-               .55 %.
-    """
+               .55 %."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -241,9 +228,7 @@ class FilledOpenings(NamedTuple):
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours; None without any.
-
-    samples : number of largest cells of an opening that must be filled, so that the opening counts as filled.
-    """
+    samples : number of largest cells of an opening that must be filled, so that the opening counts as filled."""
     openings = Openings.from_sheet(before)
     if openings is None:
         return None

@@ -63,9 +63,7 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
     """Return the share of each face (m,) that stripes and kept regions cover, equal at all symmetric images.
-
-    Widths are those of a sketch, without round corners and filled openings.
-    """
+    Widths are those of a sketch, without round corners and filled openings."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -74,9 +72,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics`, with a share (m,) of each face's weight in the cases that the pattern follows, at equal
-    stiffness.
-    """
+    """Return `statics`, with a share (m,) of each face's weight in the followed cases, at equal stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
     follow = "layers" if layered else "membrane"  # as in the first round, with the full weight
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
@@ -96,11 +92,9 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return angles between principal directions of stresses (m, 3, 3), degrees: a mean, and the 95 % quantile by area.
-
     The mean is weighted by area and by the difference of the principal stresses `before`. The quantile refers to the
     area
-    with clear directions.
-    """
+    with clear directions."""
     (stress, directions_before), (_, directions_after) = (
         principal_stresses(surface, sigma) for sigma in (before, after)
     )
@@ -139,9 +133,7 @@ def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
     """Choose the method, modes, phases and forces of the stripes; the width that a share of material needs comes later.
-
-    earlier : stripes of an earlier design, reused if only widths and kept regions may have changed.
-    """
+    earlier : stripes of an earlier design, reused if only widths and kept regions may have changed."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
         log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
@@ -175,9 +167,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
     """Return stripes with approximate widths in a tenth of the time, for a picture until the final stripes exist.
-
-    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share.
-    """
+    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 

@@ -29,17 +29,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest accepted difference between a region or guide and its image, as a share, because both follow edges of
-triangles.
-"""
+"""Largest accepted difference of a region or guide from its image, as a share; both follow edges of triangles."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface cut along the outlines of the regions of a preset, without its voids.
-
     Raises SurfaceError for a region outside of the surface, and for voids that cut a support, a load or a piece of the
-    surface off from the supports.
-    """
+    surface off from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -59,10 +55,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-
     Pickers select on the surface without voids: the edge of an oculus is no boundary, and the lowest vertices are those
-    before the void. Raises SurfaceError if nothing remains of the selection of a picker.
-    """
+    before the void. Raises SurfaceError if nothing remains of the selection of a picker."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -96,9 +90,7 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
 
 def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
-    """Return a support or load on the remaining part of its selection; vertices (n,), edges (e, 2) of the whole
-    surface.
-    """
+    """Return a support or load on the rest of its selection; vertices (n,), edges (e, 2) of the whole surface."""
     picker = getattr(entry, "at", None)
     if picker is None or isinstance(picker, All):
         return entry
@@ -161,7 +153,6 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 @dataclass(frozen=True, eq=False)
 class Loading:
     """A load for which the sheet is solved.
-
     name    : name of the case or the combination; empty for the sum of all cases.
     factors : factors of the cases in a combination; None for a case. dsfab solves cases; combinations are their sums.
     """
@@ -174,9 +165,7 @@ class Loading:
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
     """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
-
-    Raises SurfaceError for supports and loads without a vertex.
-    """
+    Raises SurfaceError for supports and loads without a vertex."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
     loads = load_cases(surface, acting.support, acting.load, weight)

@@ -20,11 +20,9 @@ from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 class CoveringLoads:
     """The material that carries loads on the covering of each face (m,) of an uncut surface, such as glass on a
     gridshell.
-
     to      : (m,) the face that carries the covering of each face: the face itself if it has material; -1 without any.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of that material, metres.
-    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry.
-    """
+    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry."""
 
     surface: Surface
     to: Ints
@@ -48,9 +46,7 @@ class CoveringLoads:
 
     def forces(self, covered: Floats) -> Floats:
         """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
-
-        Raises StaticsError for a load on a piece of the surface without material.
-        """
+        Raises StaticsError for a load on a piece of the surface without material."""
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
         if len(lost):
@@ -68,9 +64,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if the opening's rim can take
-        it.
-        """
+        """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if its rim can take it."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face of the rim may carry parts of several openings
@@ -100,9 +94,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of neighbouring faces (k,) and (k,), and the distance (k,), m, of their centres over the middle
-    of the edge.
-    """
+    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres over their edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -113,10 +105,8 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """Return forces (k, 3), N, at places (k, 3), without resultant, that give each group (k,) its moment (g, 3), N m.
-
     They act like a group of bolts with areas `weight` (k,). If all places of a group lie on a line, the group takes no
-    moment about this line.
-    """
+    moment about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -135,12 +125,9 @@ LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
     """Return a clause on the first load on pieces without support; empty if no piece carries such a load.
-
     A load moves to the nearest material (`sheet_load`) if the cut removed its own material. A load on a piece
     without support is lost, even if other material is near. Up to 1 % of a load may be lost.
-
-    material : all material, loose pieces included.    sheet : the remaining part of the material.
-    """
+    material : all material, loose pieces included.    sheet : the remaining part of the material."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -151,9 +138,7 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load (see
-    `lost_load`).
-    """
+    """Return the `sheet_load` of each load; raises StaticsError as `sheet_load`, and for a lost load."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
@@ -176,8 +161,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
     covering : the `CoveringLoads` of this sheet, if the caller has it.
 
-    Raises StaticsError as `sheet_supports`, and if no material is near a concentrated force.
-    """
+    Raises StaticsError as `sheet_supports`, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
     if load.parts is None:
@@ -193,13 +177,10 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-
     Springs have the stiffness of the vertices that remain on the sheet. Edges inside a clamped edge of the uncut
     surface
     are clamped.
-
-    Raises StaticsError if no supported vertex remains.
-    """
+    Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)

@@ -27,9 +27,7 @@ FILLED_PLATE = 5
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Cut the surface, and return the cells and the remaining sheet: stage 5. Raises PatternError if no material
-    remains.
-    """
+    """Cut the surface; return the cells and the remaining sheet: stage 5. Raises PatternError without any material."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
@@ -185,9 +183,7 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ between the cut sheet and the uncut sheet, because the stress of the uncut sheet sets
-    directions.
-    """
+    """Note loads that differ on the cut sheet, because the stress of the uncut sheet sets the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         uncut_weight, sheet_weight = (
@@ -204,9 +200,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
     """Thicken the sheet: stage 6. The offsets are those of the uncut surface, whose normals are smooth, carried
     through the cut.
-
-    Raises SolidError if the surface bends too sharply for the thickness.
-    """
+    Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, options.side)

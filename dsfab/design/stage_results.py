@@ -19,8 +19,7 @@ class StageResults:
     derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
               omits them, because another process can compute them again.
     inputs  : large intermediate results for one later stage, with that stage. The stage drops them when it has
-              its result; revisions and pickled designs omit them.
-    """
+              its result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)

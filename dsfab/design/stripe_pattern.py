@@ -41,8 +41,7 @@ COUNTED = 2
 
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths, which decide which openings of crowded members close.
-If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings.
-"""
+If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings."""
 
 SHARE_SNAP = 0.05
 """Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
@@ -50,12 +49,10 @@ SHARE_SNAP = 0.05
 
 class WidthSearch(NamedTuple):
     """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
-
     share     : returns the share of the surface that layers cover.
     tolerance : accuracy of the share.    guess : width factor of a similar pattern, which saves time, or 0.
     counted   : a quicker, rougher `share`, which begins the search.
-    added     : share that round corners add; the share of the stripes is the requested share minus this share.
-    """
+    added     : share that round corners add; the share of the stripes is the requested share minus this share."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -67,10 +64,8 @@ class WidthSearch(NamedTuple):
 @dataclass
 class _MeasuredShares:
     """Measure the share of the surface that layers cover, by cuts.
-
     reached : all measured shares.    layers, polygons : the latest layers, and the surface cut along them.
-    trial   : the latest finished cut.
-    """
+    trial   : the latest finished cut."""
 
     preset: Preset
     given: StressedSurface
@@ -116,10 +111,8 @@ def pattern_step(
     even: EvenStripes | None = None,
 ) -> PatternResult:
     """Return the pattern. Kept regions precede stripes, because a layer does not cut the material of earlier layers.
-
     preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
-    grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`.
-    """
+    grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -183,11 +176,9 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width.
-
     Graded members are at least as wide as the sheet is thick; stressed members at least as wide as a workshop can make.
     Without this limit slicing would widen each of them slowly, and take the added material from members with more
-    force.
-    """
+    force."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -219,9 +210,7 @@ def solved_layers(
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
     """Return kept layers and stripes with the requested share, and the factor on the widths.
-
-    Raises PatternError if no widths give that share.
-    """
+    Raises PatternError if no widths give that share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
@@ -260,8 +249,7 @@ def _layers_with_share(
 
     The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
     is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
-    openings with thin stripes have the same share as few closed openings with thick stripes.
-    """
+    openings with thin stripes have the same share as few closed openings with thick stripes."""
     refused, distant = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
         cache = _CachedLayers(layers, factor, closing)
@@ -312,8 +300,7 @@ def drawable_families(
     grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
 
-    Raises PatternError for a mode that was not computed.
-    """
+    Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
     stress: list[Floats | None] = [None] * len(options.family_names)
@@ -341,9 +328,7 @@ def drawable_families(
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
     """Return the size of the stress (n, 2) along both families, over the mean of both; graded widths depend on it.
-
-    Raises PatternError if the stress is zero.
-    """
+    Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]

@@ -51,8 +51,7 @@ class SolvedSheet:
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : makes the factor, and caches it for repeated use.
     answers   : equilibrium under each loading.    sigma : (m, 3, 3) stress of the middle surface (Pa), for each
-                loading.
-    """
+                loading."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -95,15 +94,12 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 MOST_VERTICES = 200_000
 """Largest number of vertices for which accurate elements replace hinges.
 The factor of these elements takes 17 GB at 250,000 vertices (hinges: 3.6 GB) and four times the time of all other
-stages. A design with a million vertices, which needs 16 GB with hinges, would never finish.
-"""
+stages. A design with a million vertices, which needs 16 GB with hinges, would never finish."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
     """Return stress, energy, frequencies and buckling of a solved sheet, under each loading.
-
-    rough : True for stress and energy only, by the elements that solved the sheet.
-    """
+    rough : True for stress and energy only, by the elements that solved the sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -134,9 +130,7 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
 
 
 def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[ResultRequest, tuple[str, ...]]:
-    """Return the requested results that a mesh of this size allows, and the reason if frequencies and buckling are
-    refused.
-    """
+    """Return the requested results that a mesh of this size allows, and the reason if modes are refused."""
     requested = sheet.analyses
     if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
         return requested, ()
@@ -195,10 +189,8 @@ BENDING_SHARE = 0.5
 
 class FollowedStress(NamedTuple):
     """Stress (m, 3, 3), Pa, that the pattern follows under each loading, and a note for the user, or ''.
-
     sigma   : stress of the middle surface, or of the lower side of a slab.
-    layered : stress of all layers, if the pattern follows all layers; else None.
-    """
+    layered : stress of all layers, if the pattern follows all layers; else None."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -209,11 +201,8 @@ def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
     """Return the stress that statics.stress selects, for a sheet that was solved with bending.
-
     sigma : (m, 3, 3) stress of its middle surface (Pa), for each loading.
-
-    Raises StaticsError if elements that give reliable moments cannot solve the sheet.
-    """
+    Raises StaticsError if elements that give reliable moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
@@ -237,9 +226,7 @@ def followed_layers(
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
     """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without energy.
-
-    `hinge` elements give a rough value only (see `hinge_energy`).
-    """
+    `hinge` elements give a rough value only (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -257,9 +244,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading; hinge elements scatter too much, so after them the sheet is solved
-    again.
-    """
+    """Return the stress under each loading; after hinge elements, which scatter, the sheet is solved again."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -287,18 +272,14 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Limits of a surface's size over its thickness; outside of them dsfab refuses the preset, because its units are
-wrong.
-"""
+"""Limits of a surface's size over its thickness; outside of them units are wrong, and dsfab refuses the preset."""
 
 USUAL_SLENDERNESS = (10.0, 5e3)
 """Usual range of a surface's size over its thickness; a note reports values outside."""
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Raise SurfaceError for an impossible ratio of size and thickness, and note an unusual ratio: units may be
-    swapped.
-    """
+    """Raise SurfaceError for an impossible ratio of size and thickness; note an unusual one: units may be swapped."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
@@ -327,10 +308,8 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-
     acting : loads that replace those of the preset.
-    solved : result of `checked_sheet`, if the caller has it.
-    """
+    solved : result of `checked_sheet`, if the caller has it."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
@@ -346,9 +325,7 @@ def statics_step(
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
     """Return the statics without accurate elements, for a sketch.
-
-    None if the design needs no other elements, or if the stress that the pattern follows may depend on them.
-    """
+    None if the design needs no other elements, or if the stress that the pattern follows may depend on them."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
@@ -405,9 +382,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-
-    If [surface] requests so, edges are shorter where the stress changes, by statics on even triangles.
-    """
+    If [surface] requests so, edges are shorter where the stress changes, by statics on even triangles."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

@@ -33,9 +33,7 @@ Refined = tuple[Floats, Floats, int, float]
 @dataclass(frozen=True, eq=False)
 class SampledLine:
     """A polyline (k, d) with the lengths along it (k,), its total length rounded to 1e-4 mm, and a number of samples.
-
-    smooth : True for a closed line whose spline has the same tangent at both ends.
-    """
+    smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats
     length: Floats
@@ -68,9 +66,7 @@ class SampledLine:
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Ascending lengths (q,) and d arrays (q,) of the line's coordinates at them, for a comparison with the
-        spline.
-        """
+        """Ascending lengths (q,) and d arrays (q,) of the line's coordinates there, to compare with the spline."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
@@ -86,9 +82,7 @@ class SampledLine:
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
     """Fit a spline to each line; spans are halved until the spline is within the tolerance.
-
-    A line gets None instead of a spline if the tolerance needs more samples than the line has.
-    """
+    A line gets None instead of a spline if the tolerance needs more samples than the line has."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
@@ -154,10 +148,8 @@ class _SplineSystem:
     def poles(self) -> Floats:
         """Return the poles (n, d) of the least-squares cubic splines, which begin and end at the first and last
         samples.
-
         Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is
-        the last - b d, with a and b a third of the first and the last span.
-        """
+        the last - b d, with a and b a third of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -177,8 +169,7 @@ class _SplineSystem:
     def _smooth_poles(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
         """Add the shared tangent d of each smooth line.
         This tangent couples the first and the last poles, which lie outside of the band of the matrix. So the system is
-        solved without the tangent first, and then for the tangent alone.
-        """
+        solved without the tangent first, and then for the tangent alone."""
         free = tangent - system.solve(system.sums(system.values_at_samples(tangent)))
         along, residual = system.values_at_samples(free), points - system.values_at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -216,16 +207,13 @@ SHARP = np.deg2rad(30.0)
 SPANS = 4
 """Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
 however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
-spans the volume changes by 6e-5.
-"""
+spans the volume changes by 6e-5."""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
-
-    deviation : largest distance between points of the curve and of the polyline at equal shares of the length.
-    """
+    deviation : largest distance between points of the curve and of the polyline at equal shares of the length."""
 
     deviation: float
 
@@ -236,12 +224,10 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
-
     corner : (k,) True at vertices between two curves; the function adds sharp turns. A loop with at most one corner
              has one
              smooth curve, which is split in two.
-    Returns None if a spline misses the tolerance.
-    """
+    Returns None if a spline misses the tolerance."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
         ends = [*corners.tolist(), int(corners[0]) + len(loop)]
@@ -256,9 +242,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
 
 
 def turning(loop: Floats) -> Floats:
-    """Return turning angles (k,), radians, at the vertices of a closed polyline (k, 2); counter-clockwise is
-    positive.
-    """
+    """Return turning angles (k,), radians, of a closed polyline (k, 2); counter-clockwise is positive."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
@@ -267,9 +251,7 @@ def turning(loop: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Polyline:
     """Input of a curve fit: points (k, 2) or (k, 3), and the largest number of samples of the fit.
-
-    smooth : True for a closed line whose curve has the same tangent at both ends.
-    """
+    smooth : True for a closed line whose curve has the same tangent at both ends."""
 
     points: Floats
     smooth: bool = False
@@ -283,9 +265,7 @@ def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
     """Fit one curve to each polyline; a line gets None if its curve needs more samples than the line allows.
-
-    For thousands of lines, one call takes a sixth of the time of single calls.
-    """
+    For thousands of lines, one call takes a sixth of the time of single calls."""
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -345,8 +325,7 @@ CLOSEST = 1e-3
 
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
-long to fit.
-"""
+long to fit."""
 
 
 REMEMBERED = 4096
@@ -365,10 +344,8 @@ def chains(part: Part) -> list[list[Curve]]:
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """Fit curves to a polyline (k, 3) within `tolerance` (mm); they begin and end at its sharp turns.
-
     A closed line without corners becomes one smooth curve. The result has the polyline's own segments where no spline
-    meets the tolerance.
-    """
+    meets the tolerance."""
     return all_curves_along([points], tolerance)[0]
 
 
@@ -438,9 +415,7 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
     """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span.
-
-    With 16 points the measured length has an error below 1e-4 if the span turns by less than a radian.
-    """
+    With 16 points the measured length has an error below 1e-4 if the span turns by less than a radian."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
@@ -448,11 +423,9 @@ def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
     """Compare the curves that a reader found in a file with the lines of a part.
-
     curves_read : by line id, points (k, 3) along each curve of the line (mm).
     The total length must agree within the tolerance of bends, and each line must have its position.
-    Raises ExportError if the file differs from the part.
-    """
+    Raises ExportError if the file differs from the part."""
     lines = {line.id: line.points for line in part.details.lines}
     if curves_read.keys() != lines.keys():
         raise count_error(part, "lines", len(lines), len(curves_read))
@@ -469,9 +442,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length (mm) to that of all lines of the part; raises ExportError if it is too
-    large.
-    """
+    """Return the relative error of a length (mm) to that of the part's lines; raises ExportError if too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

@@ -40,12 +40,10 @@ MISSING: dict[MemberContent, str] = {
 @dataclass(frozen=True)
 class Format:
     """A file format with its functions for a part.
-
     encode  : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
     prepare : returns the part, rounded as the format rounds.
-    ready   : raises ExportError if a library of the format is not installed.
-    """
+    ready   : raises ExportError if a library of the format is not installed."""
 
     encode: Callable[[Part], Iterator[bytes]]
     check: Callable[[Part, Path], ReadBack]
@@ -61,8 +59,7 @@ class MeshFormat(Format):
     alternatives : returns alternatives of the part, the best first; `write` chooses the first that passes the check. An
                    ExportError in place of a part means that `write` skips this alternative without a trial.
     sentence     : returns a sentence about the chosen alternative, from the errors of earlier ones.
-    refusal      : returns the error to raise if all alternatives failed.
-    """
+    refusal      : returns the error to raise if all alternatives failed."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -73,10 +70,8 @@ class MeshFormat(Format):
 @dataclass(frozen=True)
 class SheetFormat(Format):
     """A format for lines on a sheet, or for fields on a sheet.
-
     content : lines on a sheet; a solid and lines; or fields of the uncut surface.
-    curves  : True if the format contains smooth curves and so needs exact lines.
-    """
+    curves  : True if the format contains smooth curves and so needs exact lines."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -85,10 +80,8 @@ class SheetFormat(Format):
 @dataclass(frozen=True)
 class MemberFormat(Format):
     """A format for members, for forces of members, or for the beam model.
-
     content  : the field of `Details` that the format writes.
-    sentence : returns a sentence about the content, or ''.
-    """
+    sentence : returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
     sentence: Callable[[Part], str] = lambda part: ""
@@ -97,9 +90,7 @@ class MemberFormat(Format):
 @dataclass(frozen=True)
 class Written:
     """A file that was written and read back.
-
-    size : bytes.    seconds : time of writing and reading.    found : content according to the second reader.
-    """
+    size : bytes.    seconds : time of writing and reading.    found : content according to the second reader."""
 
     path: Path
     size: int
@@ -205,8 +196,7 @@ def write(
     file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines, a
     shape
     that the format cannot contain, too many faces for STEP, no permission or space, and a file that reads back
-    different.
-    """
+    different."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
@@ -295,18 +285,14 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case: two words if both name the format (`.lines.step`, also for the name
-    `members.json`).
-    """
+    """Return the suffix in lower case; both words if two name the format (`.lines.step`, `members.json`)."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case; raises ExportError for an unknown suffix and suggests a similar
-    one.
-    """
+    """Return the format of a suffix in any case; raises ExportError that suggests a similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

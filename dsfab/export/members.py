@@ -19,10 +19,8 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
 @dataclass(frozen=True)
 class MemberFacts:
     """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
-
     own_area     : area of the member without the parts that crossing members include in their own areas.
-    counted_with : names of these crossing members.
-    """
+    counted_with : names of these crossing members."""
 
     member: "Member"
     length: float

@@ -34,8 +34,7 @@ class DividedSheet(NamedTuple):
     D         : (n', 3) half-thickness vectors, metres.
     chart     : (m',) chart of each face.
     half_edge : (k,) half-edges of the boundary, numbered 3 face + corner.
-    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface.
-    """
+    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface."""
 
     V: Floats
     F: Ints
@@ -52,8 +51,7 @@ class StripedSheet(NamedTuple):
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
     label   : (m,) equal for cells of the same stripes.    loose : (m,) True for cells outside of all stripes.
     seam    : (k, 2) pairs of half-edges at one place and in one direction, on both sides of the cut of a one-sided
-              surface.
-    """
+              surface."""
 
     F: Ints
     weights: csr_array
@@ -71,8 +69,7 @@ class Curved:
     shift : offset of the sheet's middle from the surface as a multiple of D: 0, 1 or -1.
     divided : divides the sheet by fields (n, c) on the uncut surface: chart k is the part where field k is largest.
     striped : divides the sheet along its stripes; None if the stripes are unknown.
-    twins : (k, 2) pairs of vertices at one place with opposite D, on both sides of the cut of a one-sided surface.
-    """
+    twins : (k, 2) pairs of vertices at one place with opposite D, on both sides of the cut of a one-sided surface."""
 
     V: Floats
     F: Ints
@@ -97,8 +94,7 @@ class MemberShape:
     V, F  : (n, 3), (m, 3) vertices and triangles of the body; triangles counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
     edges : closed outlines on the middle surface, points (k, 3) each.
-    plate : True for a plate, False for a long and narrow member.
-    """
+    plate : True for a plate, False for a long and narrow member."""
 
     id: str
     layer: str
@@ -144,8 +140,7 @@ class Details:
     whole_members  : True if crossing members lie on each other, so that each member has its whole area.
     drawings       : drawing files of each member's parts, by the name of the member.
     shapes    : members as bodies, metres.
-    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
-    """
+    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up)."""
 
     lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
@@ -191,8 +186,7 @@ class StepOptions:
                 simplified within this tolerance, or for 0 only if all other routes fail.
     megabytes : largest size of the file in 1e6 bytes; 0: no limit.
     corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even if the outline hardly turns there.
-    curved    : returns the curved sheet for smooth STEP.
-    """
+    curved    : returns the curved sheet for smooth STEP."""
 
     route: str = "auto"
     faces: int = STEP_FACES
@@ -222,8 +216,7 @@ class Part:
     cut        : True to try one cut of a smooth file with OCCT, unless the cut takes long.
     hurry      : limit of the effort for smooth STEP if the user did not choose the route, otherwise 0. It limits the
                  number
-                 of layouts, the walls (as a multiple of a quick number), and the faces by members.
-    """
+                 of layouts, the walls (as a multiple of a quick number), and the faces by members."""
 
     V: Floats
     F: Ints
@@ -264,10 +257,8 @@ class Part:
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
     """Return a solid or sheet as a part in millimetres.
-
     Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
-    not finite, because no format can contain these.
-    """
+    not finite, because no format can contain these."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
         raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
@@ -285,11 +276,9 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
-
     Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` names the rounding in
     the
-    message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face.
-    """
+    message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
@@ -317,9 +306,7 @@ def in_single_precision(part: Part) -> Part:
 
 
 def open_edges(F: Ints) -> int:
-    """Return the number of edges of F (m, 3) whose two directions do not occur equally often; 0 for a closed,
-    oriented mesh.
-    """
+    """Return the number of edges of F (m, 3) without an opposite edge; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))

@@ -1,6 +1,4 @@
-"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members of the
-file.
-"""
+"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -21,9 +19,7 @@ NUMBERS_READ_BACK = 1e-9
 @dataclass(frozen=True)
 class ReadBack:
     """Content of a file according to a reader: the number of `what`, and the relative error of a measure (or NaN).
-
-    measure : volume of a solid, area of a sheet, length of lines.
-    """
+    measure : volume of a solid, area of a sheet, length of lines."""
 
     count: int
     what: str
@@ -43,10 +39,8 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
-
     libigl saves half a second, the time to import trimesh. trimesh reads files whose path has characters beyond ASCII,
-    because libigl cannot open them on every system. Raises ExportError if the file is not such a mesh.
-    """
+    because libigl cannot open them on every system. Raises ExportError if the file is not such a mesh."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -73,9 +67,7 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     """Compare a mesh V (n, 3), millimetres, F (m, 3) with the part: triangles, box, volume; a solid must be closed.
-
-    Raises ExportError if the mesh differs from the part.
-    """
+    Raises ExportError if the mesh differs from the part."""
     if len(F) != len(part.F):
         raise count_error(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -129,10 +121,8 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
     """Return the distinct rows of an array (k, 3), and the index (k,) of each row among the distinct rows.
-
     A hash of the bits identifies a row, in a sixth of the time of comparing rows. If two hashes collide, the function
-    compares the rows directly.
-    """
+    compares the rows directly."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
@@ -165,10 +155,8 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
     """Compare meshes by name, V (n, 3) in millimetres and F (m, 3), with the part's members.
-
     Each mesh must be closed, and have the member's number of triangles, its place, and its volume within 0.1 %; else
-    ExportError.
-    """
+    ExportError."""
     shapes = part.details.shapes
     if [shape.id for shape in shapes] != list(meshes_read):
         raise count_error(part, "members", len(shapes), len(meshes_read))

@@ -12,9 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has
-    two poles.
-    """
+    """A clamped B-spline: knots (p + degree + 1,), ascending, poles (p, d), degree 1, 2 or 3. A line has two poles."""
 
     knots: Floats
     poles: Floats
@@ -44,17 +42,13 @@ def bernstein(x: Floats) -> Floats:
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
-    """Return the number of the first of the four nonzero cubic basis functions at each x (k,), and their values (k,
-    4).
-    """
+    """Return the number of the first of the four nonzero cubic basis functions at x (k,), and the values (k, 4)."""
     first_hats, values, _ = hats(x, knots)
     return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the number of the first of the four nonzero cubic basis functions at each x (k,), their values and
-    slopes (k, 4).
-    """
+    """Return the first of the four nonzero cubic basis functions at x (k,), their values and slopes (k, 4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -67,9 +61,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
     """Return values (4, k) of the cubic basis functions at x (k,) in spans from knots[span], and shares (3, k) [de
     Boor 1978].
-
-    A basis function r of a degree combines functions r and r - 1 of the degree below; the shares are the factors.
-    """
+    A basis function r of a degree combines functions r and r - 1 of the degree below; the shares are the factors."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -85,13 +77,10 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
-
     Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
-
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
     factor : (4, n) banded Cholesky factor of their products; rows of fixed poles are the identity.
-    held   : numbers of the fixed poles.
-    """
+    held   : numbers of the fixed poles."""
 
     values: Floats
     first: Ints
@@ -101,9 +90,7 @@ class LeastSquares:
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
         """Factor the equations of basis functions `values` (4, k), the first of each four at `first_hats` (k,) among n.
-
-        first_poles : (r,) the first pole of each curve.    fixed_poles : numbers of the fixed poles.
-        """
+        first_poles : (r,) the first pole of each curve.    fixed_poles : numbers of the fixed poles."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
             raise np.linalg.LinAlgError(f"the spline fit is singular at pole {failed}")
@@ -156,10 +143,8 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
 @dataclass(frozen=True, eq=False)
 class SplineRows:
     """Samples of several curves, one after the other; a row is a curve.
-
     number : (r,) number of each curve.    count, first, last : (r,) its number of samples, its first and last sample.
-    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) of each curve.
-    """
+    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) of each curve."""
 
     number: Ints
     count: Ints
@@ -252,11 +237,9 @@ def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
-
     x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. parts :
     number of points in the d coordinates; the distance of each is measured separately. The result includes the largest
-    distance, which exceeds the tolerance if the samples are too few for more spans.
-    """
+    distance, which exceeds the tolerance if the samples are too few for more spans."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

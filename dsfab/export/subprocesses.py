@@ -1,8 +1,7 @@
 """Run programs in separate processes, because OCCT and gmsh may crash or never finish.
 
 The limit is processor time if the system measures it (Linux), so that a busy machine gives the same result as an
-idle machine. The limit on the clock only ends a program that waits forever.
-"""
+idle machine. The limit on the clock only ends a program that waits forever."""
 
 import json
 import signal
@@ -63,7 +62,6 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
     """Return the output of the Python file `program`.
-
     Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError for an exit code other than 0.
     """
     with _start(program, *arguments, stdin=None) as run:
@@ -74,18 +72,14 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`; raises as `run_program`, and ProgramError
-    without output.
-    """
+    """Return the last line of output of the Python file `program`; raises as `run_program`, also without output."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
 class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
-
     The program reads its arguments as one line of JSON, a list of strings. The end of the `with` block ends the
-    program.
-    """
+    program."""
 
     def __init__(self, program: str) -> None:
         self._run = _start(program, stdin=subprocess.PIPE)

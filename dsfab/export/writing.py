@@ -90,9 +90,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder; only once per folder, which may contain thousands of
-    files.
-    """
+    """Remove files that ended processes left in a folder; once per folder, which may contain thousands of files."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -152,10 +150,8 @@ _ADVICE = {
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
     """Yield a temporary name in the folder of `path` with its suffix; at the end the temporary file replaces `path`.
-
     After a failure or an interrupt the temporary file is removed and an older `path` is unchanged.
-    Raises ExportError in place of OSError.
-    """
+    Raises ExportError in place of OSError."""
     target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
@@ -172,9 +168,7 @@ def atomic_file(path: Path) -> Iterator[Path]:
 
 def require_writable_file(path: Path) -> None:
     """Raise ExportError early if a file cannot be written; the trial changes no file.
-
-    For a folder that does not exist yet, the trial uses the nearest existing folder above it.
-    """
+    For a folder that does not exist yet, the trial uses the nearest existing folder above it."""
     target = Path(os.path.realpath(path))
     existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
@@ -206,9 +200,7 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 DESIGN = "design.json"
-"""File with the manifest of a design's folder, under the key `MANIFEST`. dsfab writes this file last; the manifest does
-not list it.
-"""
+"""File with the manifest of a design's folder. dsfab writes this file last; the manifest does not list it."""
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
@@ -223,10 +215,8 @@ Outdated = Callable[[Path, Path], set[str]]
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-
     outdated : selects old files to remove; by default the files in the old manifest if there is a new manifest.
-    Raises ExportError if the folder cannot be written.
-    """
+    Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
@@ -325,9 +315,7 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if two folders may be exchanged: the target has only the user's files, and is not the working
-    folder.
-    """
+    """Return True if folders may be exchanged: the target has only the user's files, and is not the working folder."""
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
     with suppress(OSError):

@@ -19,8 +19,7 @@ TIE = 1e-3
 """Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if two conditions hold. Their centroids spread in a second direction by more than ROUND times the
-spread in the first. The nearest to the centre is farther from it than HOLLOW times the farthest.
-"""
+spread in the first. The nearest to the centre is farther from it than HOLLOW times the farthest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -31,8 +30,7 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     direction of
     their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
     member
-    with the smaller x, y, z.
-    """
+    with the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -74,8 +72,7 @@ KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    surface : the surface of the overlay, with the cells of the components.
-    """
+    surface : the surface of the overlay, with the cells of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
@@ -136,8 +133,7 @@ def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
     The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals
     have an
-    error of first order where edges differ in length, and members would twist by this error.
-    """
+    error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

@@ -1,6 +1,4 @@
-"""Middle lines of stripes, smooth axes of members with frames and curvatures, and the widths on both sides of the
-axes.
-"""
+"""Middle lines of stripes, smooth axes of members with frames and curvatures, and the widths beside the axes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -28,8 +26,7 @@ SPECK = 1.0
 class MiddleLine:
     """A polyline on a surface.
     points  : (k, 3) points, metres; a closed line repeats its first point.
-    normals : (k, 3) unit normals of the surface at the points.    cells : (k - 1,) cell of each segment.
-    """
+    normals : (k, 3) unit normals of the surface at the points.    cells : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -76,10 +73,8 @@ class MiddleLine:
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the lines, the longest first, on which the offset (m, 3) of field k at corners of cells is 0, for each
     stripe.
-
     normals : (n, 3) unit normals at the vertices of the overlay.
-    An offset is never exactly 0. Its signs at an edge agree in both cells, or both are opposite.
-    """
+    An offset is never exactly 0. Its signs at an edge agree in both cells, or both are opposite."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
     crossed = sign * np.roll(sign, -1, axis=1) < 0
@@ -106,9 +101,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return positions (c, 2) of zeros of offsets (c, 3) on sides (c, 2), from 0 at the vertex with the lower
-    number to 1.
-    """
+    """Return positions (c, 2) of zeros of offsets (c, 3) on sides (c, 2); 0 is the vertex with the lower number."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -124,8 +117,7 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
     Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
-    dropped, because around the end of a kept support the line runs at right angles to the rim.
-    """
+    dropped, because around the end of a kept support the line runs at right angles to the rim."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -172,8 +164,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
     """Return angles (radians) between the steps (k - 1, 3) of a line, in the planes across its normals (k, 3).
-    The result is (k - 2,) at the inner points, or (k - 1,) for a closed line.
-    """
+    The result is (k - 2,) at the inner points, or (k - 1,) for a closed line."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     a, b = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (a, b))
@@ -212,8 +203,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the mesh line up to each station.    strayed : largest distance between axis and line.
-    """
+    traced  : (k,) length of the mesh line up to each station.    strayed : largest distance between axis and line."""
 
     s: Floats
     P: Floats
@@ -300,9 +290,7 @@ def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpl
 
 
 def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return distances (k, 2), m, from the stations of an axis to the outline of cells (c,), to the left and to the
-    right.
-    """
+    """Return distances (k, 2), m, from the stations of an axis to the outline of cells (c,), left and right."""
     a, b = _outline(surface, cells)
     middle, direction = (a + b) / 2, b - a
     station = np.asarray(cKDTree(axis.P).query(middle)[1])

@@ -1,6 +1,4 @@
-"""Components of a sheet that become members: bands of the pattern, with their cells and middle lines, and kept
-regions.
-"""
+"""Components of a sheet that become members: bands of the pattern, with cells and middle lines, and kept regions."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -63,8 +61,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     """Return the band of kept material from values at the vertices, and its shape.
-    The shape is "reach" around a place (n,), a "plate" (n,), or a "band" along an outline (n, 2).
-    """
+    The shape is "reach" around a place (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
         width = -float(x[:, 1].min())
@@ -90,8 +87,7 @@ class Component:
     stripe : number of the stripe of most of its cells; 0 without a stripe.
     cells  : (c,) cells of the overlay, ascending.    core : (c,) True for cells that define its width, without fillets.
     line   : middle line, or None.    field : number of the pattern's field; -1 for none.
-    group  : number of the connected stripe, in the overlay, that it is a part of; -1 for none.
-    """
+    group  : number of the connected stripe, in the overlay, that it is a part of; -1 for none."""
 
     kind: str
     family: str
@@ -118,8 +114,7 @@ class Component:
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
     """Return the components of all stripes. A cell at a crossing is in several components, a cell of a sliver may be
     in none.
-    normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres.
-    """
+    normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
     for k, band in enumerate(bands):
@@ -138,8 +133,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of the stripes of a field.
-    If the middle is outside of the sheet, as for half a stripe along its edge, the line runs at the mean offset.
-    """
+    If the middle is outside of the sheet, as for half a stripe along its edge, the line runs at the mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -160,8 +154,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
     """Return True for connected cells (c,) beside the middle of their band that are shorter than the band's width.
     Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
-    meaningless.
-    """
+    meaningless."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -251,8 +244,7 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
     sheet : m cells, also divided along hidden edges.    label : (m,) equal for cells of the same stripes.
-    loose : (m,) True for cells outside of all stripes.
-    """
+    loose : (m,) True for cells outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -261,8 +253,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc around a point is one region, because the ends of stripes below it would divide it.
-    """
+    A disc around a point is one region, because the ends of stripes below it would divide it."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -276,8 +267,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
-    Such loose cells are left by the fairing of walls.
-    """
+    Such loose cells are left by the fairing of walls."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

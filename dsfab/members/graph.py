@@ -18,15 +18,13 @@ if TYPE_CHECKING:
 
 EXACT = 2.0**-30
 """Smaller offsets (periods or metres) count as this value, with the sign at the edge's first end.
-Then a crossing on an edge is in exactly one of its two cells.
-"""
+Then a crossing on an edge is in exactly one of its two cells."""
 
 
 class SharedPatch(NamedTuple):
     """Connected cells (c,) that members a and b share.
     points : (k, 3) crossings of the members' middle lines in these cells, metres.    at : (k,) the cell of each
-             crossing.
-    """
+             crossing."""
 
     a: int
     b: int
@@ -113,8 +111,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
     """Return the ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), the lower vertex number first, and
     shares (q, 2).
-    At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares.
-    """
+    At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -140,8 +137,7 @@ class Member:
     area   : area of these cells, square metres.
     axis   : along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
-    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed.
-    """
+    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed."""
 
     id: str
     kind: Kind
@@ -204,8 +200,7 @@ class MemberGraph:
     """Members and nodes of a design.
     sheet  : the kept sheet, its cells also divided along the edges of hidden members. Every cell is in at least one
              member.
-    source : (m,) cell of the design's sheet that contains each cell.
-    """
+    source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
     source: Ints
@@ -232,8 +227,7 @@ class MemberGraph:
     @cached_property
     def owner(self) -> Ints:
         """Number of the member (m,) to which the area of each cell belongs: the widest of its members, then the first.
-        So the areas of all members add up to that of the sheet.
-        """
+        So the areas of all members add up to that of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             numbers[self.members[k].cells] = k
@@ -249,8 +243,7 @@ class MemberGraph:
 
     def to_compas(self) -> "compas.datastructures.Graph":
         """Return nodes with x, y, z (m), and an edge for each bay with its `member` and its `length` along the axis.
-        Raises SurfaceError if compas is not installed.
-        """
+        Raises SurfaceError if compas is not installed."""
         return _compas_graph(self)
 
     @cached_property
@@ -325,8 +318,7 @@ class Joints:
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
         """Return ends (k, 3) of lines inside the material shared with another member, and the cell (k,) of each end.
-        At such an end the members meet, as two edges of a surface do at its corner.
-        """
+        At such an end the members meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:
@@ -385,8 +377,7 @@ def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) 
     """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that continues
     the end,
     "edge" of the surface, or "free".
-    owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut.
-    """
+    owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}

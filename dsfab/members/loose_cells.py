@@ -13,9 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """Return the component of each cell for each field (m, f), -1 for none; components without a field have no
-    column.
-    """
+    """Return the component of each cell for each field (m, f), -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -85,8 +83,7 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 FOLLOWS, INTO = 3.0, 1.5
 """A line follows kept material if its length inside exceeds FOLLOWS widths of the material.
 A crossing at 20 degrees has a length of 2.9 widths. A line that follows ends INTO widths after its entry, beyond the
-middle of the material, so that both meet.
-"""
+middle of the material, so that both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:

@@ -102,9 +102,8 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes, False for the stress of a single case or
-    combination.
-    """
+    """Return True if the pattern follows a sum of stress magnitudes, False for the stress of one case or
+    combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -113,8 +112,7 @@ def follow_weights(
 ) -> dict[str, float]:
     """Return the weight of each case or combination whose stress the pattern follows, by its name.
     The default weight is 1; the result omits names with weight 0. See `combined_names` for a pattern that follows a
-    sum.
-    """
+    sum."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -130,9 +128,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state: its combinations, else names without any state,
-    else all.
-    """
+    """Return the cases and combinations to check in a limit state: its own, else those without any state, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

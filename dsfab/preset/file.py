@@ -24,11 +24,9 @@ def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
     """Return a preset: a shipped one by its name ("dome"), or one in a TOML file or in a folder that `build` wrote.
-
     overrides : dotted keys and values that replace values of the file, e.g. {"pattern.major.frequency": 12}.
     mesh      : a mesh file that replaces the preset's surface; the supports and loads of the preset stay.
-    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
-    """
+    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
     path = _find(name_or_path)
     values = read_toml(path)
     values.setdefault("name", path.stem)
@@ -49,9 +47,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with new values at dotted keys; raises PresetError like `load_preset`, and for a wrong type
-    of `preset`.
-    """
+    """Return `preset` with new values at dotted keys; raises PresetError as `load_preset`, and for another type."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -70,9 +66,8 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Convert 'pattern.major.frequency=12' to (key, 12); the value is TOML, or else text. Raises PresetError
-    without '='.
-    """
+    """Convert 'pattern.major.frequency=12' to (key, 12); the value is TOML, else text. Raises PresetError without
+    '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -93,8 +88,7 @@ def require_mesh(preset: Preset) -> None:
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
     A material appears as its name, together with the values that differ from those of the material.
-    for_people : True to write the size of a mesh from Python in place of its numbers.
-    """
+    for_people : True to write the size of a mesh from Python in place of its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -143,9 +137,8 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys, and remove the old values that a new key excludes: the second of two exclusive keys, an old
-    material's.
-    """
+    """Set dotted keys, and remove old values that new keys exclude: values of exclusive keys, and of an old
+    material."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # because a later key may change a part of this value

@@ -1,8 +1,7 @@
 """Presets: all choices of a design, one section per stage.
 
 The models below define keys, units, defaults and allowed ranges. `dsfab.preset.file` reads them from TOML, overrides
-values and writes them back.
-"""
+values and writes them back."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -64,21 +63,16 @@ class Statics(Section):
     law: Law = "plane_stress"
     """Material law: plane_stress (a thin sheet) or stvk (Saint Venant-Kirchhoff, exactly as in the paper)."""
     membrane: Membrane = "constant"
-    """Membrane elements: constant strain (the paper), or quadratic or hybrid, accurate for slender parts and several
-    times
-    slower.
-    """
+    """Membrane elements: constant strain (the paper); quadratic or hybrid, accurate for slender parts but slower."""
     bending: Bending = "hinge"
-    """Bending elements: hinge (the paper; good for directions), midedge (converges to the plate), hhj (the most
-    accurate).
-    """
+    """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (the most
+    accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
     its
     middle surface has no stress, and the stress of its lower side replaces it. layers: stress of all layers, with
     bending.
-    auto: layers where bending stores at least half of the energy, else membrane.
-    """
+    auto: layers where bending stores at least half of the energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
     """Strength (Pa) to compare with the largest stress, 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
@@ -88,8 +82,7 @@ class Statics(Section):
     check: bool = True
     """Refuse a doubtful sheet before the cut: a sheet that moves by over a tenth of its span, stands on one vertex, or
     has a
-    support or load at a point far off the surface. false: only report the doubt.
-    """
+    support or load at a point far off the surface. false: only report the doubt."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -120,16 +113,12 @@ class Statics(Section):
 
     @property
     def material_words(self) -> str:
-        """Name of the material: 'GL24h', or 'GL24h, but for density' if the density differs; empty without a named
-        material.
-        """
+        """Name of the material: 'GL24h', or 'GL24h, but for density' with another density; empty without a material."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
     def require_strength(self) -> None:
-        """Raise PresetError if the preset has neither a material nor a strength, because member checks need a
-        strength.
-        """
+        """Raise PresetError if the preset has neither a material nor a strength, which member checks need."""
         require_strength(self.material, self.strength)
 
     @property
@@ -151,9 +140,7 @@ class Diffusion(Section):
     gamma: Annotated[float, Gt(0)] = 1.0
     """Factor on the loads before faces are labelled isotropic (the paper's force magnitude)."""
     labelling: Labelling = "signed"
-    """signed: major stripes follow the more tensile stress; magnitude: the principal stress of larger magnitude
-    (the paper).
-    """
+    """signed: major stripes follow the more tensile stress; magnitude: the stress of larger magnitude (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
     """A face is isotropic if its principal stresses differ by less than this share."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
@@ -161,14 +148,11 @@ class Diffusion(Section):
     follow: str | None = None
     """Name of the case or combination that the pattern follows, or combined for the sum of stress magnitudes of them
     all.
-    The default is combined for several cases.
-    """
+    The default is combined for several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """Weight of each combination in the combined sum, or of each case without combinations; default 1."""
     symmetry: tuple[str, ...] = ()
-    """Required symmetry of the pattern through its centre: x, y or z for a mirror, rot:6:z for rotations by 60
-    degrees.
-    """
+    """Required symmetry of the pattern through its centre: x, y or z for a mirror, rot:6:z for turns by 60 degrees."""
 
     @field_validator("symmetry")
     @classmethod
@@ -215,13 +199,11 @@ class Family(Section):
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
     """Stripes per unit of the mode; a mode has about 0.5 to 3 units from end to end. 0: `spacing` replaces the
     frequency.
-    Evenly spaced stripes have no frequency.
-    """
+    Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. The default of
     evenly spaced
-    stripes is a twelfth of the side of a square of the surface's area, but at least the edge length of its mesh.
-    """
+    stripes is a twelfth of the side of a square of the surface's area, but at least the edge length of its mesh."""
     phase: Phase = 0.0
     """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
@@ -241,8 +223,7 @@ class Family(Section):
     def distance(self, area: float, edge: float) -> float:
         """Return the spacing (m) of evenly spaced stripes on a surface of this area (m2); see `spacing` for its
         default.
-        edge : mean edge length of the mesh (m).
-        """
+        edge : mean edge length of the mesh (m)."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
@@ -268,22 +249,19 @@ class Width(Section):
     """plain: widths follow the thresholds (the paper); constant: equal widths in metres; graded: widths follow the
     stress;
     stressed: graded, then cut, solved and widened repeatedly where the energy is largest: the stiffest and slowest
-    rule.
-    """
+    rule."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent of the stress: the share of material grows with this power. For rule stressed it is the starting
-    value.
-    """
+    """Exponent: the share of material grows with this power of the stress. For rule stressed it is the starting
+    value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of cuts and solutions for rule stressed."""
     min_width: LeastWidth = AUTO
     """Least width of members, metres. 0: no limit. auto, evenly spaced members of graded width: the thickness, or half
     of the
     constant width if that is less. auto, stressed width: the same, but half of the thickness with pattern.workshop.
-    auto, all other rules: no limit.
-    """
+    auto, all other rules: no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -291,9 +269,7 @@ class Width(Section):
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
     """Share of the surface that stays material, keep and rim included; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of solid_fraction where the share jumps, because member ends appear or vanish; a note reports
-    the error.
-    """
+    """Largest error of solid_fraction if the share jumps because member ends appear or vanish; a note reports it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -310,8 +286,7 @@ class Width(Section):
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
         """Return the width rule. A width that dsfab must compute later is 1 % of `length` (m) here.
-        least : least width (m) if `min_width` is auto; `max_width` limits it.
-        """
+        least : least width (m) if `min_width` is auto; `max_width` limits it."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -340,23 +315,18 @@ class Pattern(Section):
     auto: the
     stiffest without dead ends and slits. auto compares both methods, with and without halving. If the preset asks for
     constant or graded widths, it compares both, and q and half of q. For stressed widths it compares the best design of
-    each method. If the preset sets no spacing, it also compares several.
-    """
+    each method. If the preset sets no spacing, it also compares several."""
     halve: bool = True
-    """For stripes: end every second stripe on a crossing member where stripes come too close. false: no stripe ends
-    there.
-    """
+    """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings: dsfab neither halves nor tidies it; rim and keep
-    connect it.
-    """
+    """Families of stripes. A single family has no crossings: it is neither halved nor tidied; rim and keep connect
+    it."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """For stripes: angle of both families to the stress, degrees, counter-clockwise seen from the side of the normals
     (from
-    outside for a closed surface); 90 swaps the families.
-    """
+    outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
     stiffest
@@ -365,8 +335,7 @@ class Pattern(Section):
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of further searches for directions, with the weight of the stripes where it is most of the
     load.
-    0: a single search, with the weight of the uncut sheet.
-    """
+    0: a single search, with the weight of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
@@ -377,8 +346,7 @@ class Pattern(Section):
     tidy: bool | None = None
     """Remove stripes that end freely or turn back, as far as their last crossing, and fill openings narrower than the
     members
-    beside them. Default: true for stripes of both families, false on modes (the paper).
-    """
+    beside them. Default: true for stripes of both families, false on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -387,8 +355,7 @@ class Pattern(Section):
     """Radius (m) of the corners of openings, smaller where space is short. 0: sharp corners."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
-    Default: true for evenly spaced stripes, unless their widths are stressed; false on modes.
-    """
+    Default: true for evenly spaced stripes, unless their widths are stressed; false on modes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -479,8 +446,7 @@ class Slicing(Section):
     between
     evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of the
     usual
-    size are filled, too.
-    """
+    size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Least width of openings with pattern.workshop, metres. Members bridge narrower openings; narrower tips are
     filled.
@@ -491,8 +457,7 @@ class Slicing(Section):
     all
     members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
     applies to
-    tidied stripes between openings with round corners, where they are also narrower than 0.8 of the usual width.
-    """
+    tidied stripes between openings with round corners, where they are also narrower than 0.8 of the usual width."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -507,9 +472,7 @@ class Thickening(Section):
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
     """Refuse a solid that keeps less than this share of the thickness at sharp curvature."""
     side: Side = "mid"
-    """Position of the sheet: mid (around the surface), out (on the side of its normals, outside of a closed
-    surface) or in.
-    """
+    """Position of the sheet: mid (around the surface), out (on the side of its normals, or outside) or in."""
     strict: bool = False
     """Refuse a solid whose faces still intersect after all repairs. false: report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
@@ -517,23 +480,18 @@ class Thickening(Section):
 
 
 class Fabrication(Section):
-    """[fabrication]: limits of the workshop. dsfab checks and reports them; only the option --fix changes the
-    design.
-    """
+    """[fabrication]: limits of the workshop. dsfab checks and reports them; only --fix changes the design."""
 
     min_member: Annotated[float, Ge(0)] = 0.0
     """Least width of members, metres. 0: no check besides that of pattern.workshop."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Least width of openings, and of their tips with pattern.workshop, metres. 0: no check besides that of
-    pattern.workshop.
-    """
+    """Least width of openings, and of their tips with pattern.workshop, metres. 0: no further check."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Least thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
     """Write files in spite of loads without a path to a support, of a sheet that is very thin where it would meet
     itself, and
-    of members and openings less than 1 mm below their limit.
-    """
+    of members and openings less than 1 mm below their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may lie on any side."""
 
@@ -562,9 +520,7 @@ class Export(Section):
     same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
     """
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, for faceted STEP no
-    error.
-    """
+    """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, for faceted STEP none."""
     step_mb: Annotated[float, Ge(0)] = 0.0
     """Largest size of a STEP file in MB; 0: no limit."""
 
@@ -577,8 +533,7 @@ class Preset(Section):
         supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight(), dsfab.Snow(800.0)],
         statics=dsfab.Statics(thickness=0.05),
         pattern={"method": "stripes"},      # each section is an object, or a table of its keys
-    )
-    """
+    )"""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")] = "design"
     """Name of the output folder."""
@@ -612,8 +567,7 @@ class Preset(Section):
         supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
                   or their keys as in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh.
-        """
+        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
         values = {key: plain(value) for key, value in sections.items()}
         if surface is not None:
@@ -637,8 +591,7 @@ class Preset(Section):
     def _keeps_its_count(self) -> "Preset":
         """Refuse vertex numbers in guides and regions if there is a void, because a void changes the numbers of
         vertices.
-        Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void.
-        """
+        Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -661,8 +614,7 @@ class Preset(Section):
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
         """Return the cases and combinations to check for stress and buckling (`ULS`) or displacements (`SLS`).
-        These are all cases if no combination has a limit state.
-        """
+        These are all cases if no combination has a limit state."""
         return judged_names(names, self.surface.sums, state)
 
     @property
@@ -676,9 +628,7 @@ class Preset(Section):
         return combines(self.surface.load, self.diffusion.follow)
 
     def with_modes(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
-        """Return the preset with two modes and two phases; the first is for the major, the second for the minor
-        family.
-        """
+        """Return the preset with two modes and two phases, each for the major and for the minor family."""
         families = {
             name: getattr(self.pattern, name).model_copy(update={"mode": mode[k], "phase": phase[k]})
             for k, name in enumerate(("major", "minor"))
@@ -691,8 +641,7 @@ class Preset(Section):
 
     def self_contained(self) -> "Preset":
         """Return the preset with curves in place of the files of its drawings; raises SurfaceError for a missing
-        drawing.
-        """
+        file."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -705,8 +654,7 @@ class Preset(Section):
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None; name and description make no difference.
         Outlines of regions cut the surface, so they belong to it here. So does [statics] if the mesh follows the
-        stress.
-        """
+        stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

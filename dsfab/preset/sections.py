@@ -21,15 +21,13 @@ class Workshop(Section):
     crossings;
     bars: straight from node to node, on folded plates; panels: a model in one skin with tabs; sheet: a flat design in
     pieces of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if these stay
-    near the surface, else planks if they can be bent and assembled.
-    """
+    near the surface, else planks if they can be bent and assembled."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
     """Price of a sheet of each size of the stock, in its order and in any currency; dsfab chooses the cheapest
     combination.
-    Without prices it chooses the least area.
-    """
+    Without prices it chooses the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
     depth: Annotated[float, Ge(0)] = 0.0
@@ -39,9 +37,8 @@ class Workshop(Section):
     plate: Annotated[float, Gt(0)] = 0.005
     """Thickness of the plates at nodes (bars) and at anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
-    """Diameter of anchors, metres. At supports, plates reach the ground in a folded leg with two anchor holes. 0:
-    no anchors.
-    """
+    """Diameter of anchors, metres. Plates of supports reach the ground in a leg with two anchor holes. 0: no
+    anchors."""
     bolt: Annotated[float, Gt(0)] = 0.012
     """Diameter of the bolts and of the bolt holes, metres."""
     gap: Annotated[float, Ge(0)] = 0.008
@@ -51,15 +48,13 @@ class Workshop(Section):
     nesting: Literal["stacked", "spyrrow"] = "stacked"
     """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheet. The solver
     takes
-    minutes and needs: pip install "dsfab[nesting]".
-    """
+    minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50, and all lengths of this section are lengths of the model. 0: full size."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
     glued
-    bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints.
-    """
+    bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -94,16 +89,12 @@ Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 
 
 class Eurocode(Section):
-    """[eurocode]: checks of members, by EN 1993-1-1 for steel, by EN 1995-1-1 for timber. They do not change the
-    design."""
+    """[eurocode]: checks of members by EN 1993-1-1 (steel) or EN 1995-1-1 (timber); they do not change the design."""
 
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
-    """Timber: duration of the loads of each case; default: weight permanent, stores long, wind and maintenance short,
-    all
-    others medium.
-    """
+    """Timber: duration of loads by case. Default: weight permanent, stores long, wind, maintenance short, else medium."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
     gamma_m0: Annotated[float, Gt(0)] = 1.0
@@ -117,8 +108,7 @@ class Eurocode(Section):
     bent_in: bool = False
     """Timber: members are straight layers bent into shape, of `workshop.thickness`, or of the thickness in [statics]
     over
-    `workshop.layers`; the check adds the bending stress.
-    """
+    `workshop.layers`; the check adds the bending stress."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield cases without a load, as 'key = value: allowed values'."""

@@ -66,8 +66,7 @@ class Section(BaseModel):
 class SurfaceSection(Section):
     """Keys of every surface.
     pydantic builds the checks on first use, because checks of all kinds of surfaces take half of the time to start
-    dsfab.
-    """
+    dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -78,9 +77,7 @@ class SurfaceSection(Section):
     combinations: CombinationRule | None = None
     """Standard whose combinations dsfab adds to those in the list."""
     actions: dict[CaseName, ActionKind] = {}
-    """Kind of action of a case for the standard, where its loads do not define the kind; weight, snow and wind
-    loads do.
-    """
+    """Kind of action of a case for the standard, unless its loads define the kind, as weight, snow and wind do."""
     factors: DesignFactors | None = None
     """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
@@ -88,8 +85,7 @@ class SurfaceSection(Section):
     smooth: bool = False
     """Round the facets: with `refine` by Loop subdivision; with `edge` the new vertices lie on the smooth surface
     through the
-    old vertices. Boundaries and creases stay.
-    """
+    old vertices. Boundaries and creases stay."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -121,18 +117,13 @@ class OwnSurface(SurfaceSection):
     """Keys of the user's meshes: the length of the edges of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
-    """Edge length of a new mesh, metres: even triangles that keep boundaries and creases. 0: the mesh stays
-    unchanged.
-    """
+    """Edge length of a new mesh of even triangles, metres; boundaries and creases stay. 0: the mesh stays unchanged."""
     finest: Annotated[float, Ge(0)] = 0.0
-    """Least edge length, metres; needs `edge`. Edges are shorter where `finest_at` says. 0: all edges have equal
-    lengths.
-    """
+    """Least edge length, metres; needs `edge`. Edges are shorter where `finest_at` says. 0: all have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
     """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if
     it varies
-    along an edge by a quarter of its root mean square, in statics on even triangles.
-    """
+    along an edge by a quarter of its root mean square, in statics on even triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -153,8 +144,7 @@ class OwnSurface(SurfaceSection):
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
         """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError for an invalid
         surface.
-        base : result of `base_surface()`, if the caller has it.
-        """
+        base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
             return refined_surface(base, self.refine, self.smooth) if self.refine else base
@@ -168,29 +158,23 @@ class FileSurface(OwnSurface):
     file: Path
     """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP file. A relative path starts at the preset's folder,
     in
-    Python at the current folder.
-    """
+    Python at the current folder."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """Axis of the file that points to the sky. All other keys of the preset assume z up. dsfab turns GLB files by
-    itself.
-    """
+    """Axis of the file that points to the sky; all other keys of the preset assume z up. dsfab turns GLB files
+    itself."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Point of the file that becomes the design's origin, metres, with z up; for a survey's coordinates."""
     mend: bool = False
     """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and
     straighten
-    ragged edges.
-    """
+    ragged edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces smaller than a twentieth of the
-    largest, fill holes with an outline under 15 % of the largest side, turn all faces to the same side.
-    """
+    largest, fill holes with an outline under 15 % of the largest side, turn all faces to the same side."""
     max_triangles: Annotated[int, Ge(1)] | None = None
-    """Largest number of triangles in the file. It also limits the bytes, vertices and seconds of reading. Default:
-    4 million.
-    """
+    """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
     @property
     def waits(self) -> bool:
@@ -202,9 +186,7 @@ class FileSurface(OwnSurface):
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """Return the surface and the record of reading and repairs; raises PresetError if the preset needs the
-        user's mesh.
-        """
+        """Return the surface, and the record of reading and repairs; raises PresetError without the user's mesh."""
         if self.waits:
             raise PresetError(
                 f"this preset needs your mesh in place of {self.file.name}: write "
@@ -242,8 +224,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 class MeshSurface(OwnSurface):
     """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file, and the saved preset names this file.
     mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces (m,
-           3).
-    """
+           3)."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
@@ -306,8 +287,7 @@ def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
     """Return the argument `surface` of Python code as a table, in which `lists` replace supports, loads and
     combinations.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
     elif isinstance(surface, SurfaceSection | Mapping):

@@ -68,8 +68,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     this
     mean.
 
-    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex.
-    """
+    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
@@ -101,9 +100,7 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """Return 1 / mean cosine (n,) between each normal N and the faces around it (see `visible_normals`), up to
-    `limit`.
-    """
+    """Return 1 / mean cosine (n,) between each normal N and the faces around it, up to `limit`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
@@ -139,9 +136,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return unit normals from the points; if a point sees a face from behind, from the mean, or else any face's
-    normal.
-    """
+    """Return unit normals from the points; from the mean, or any face's normal, if a point sees a face from behind."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -175,8 +170,7 @@ class Offsets:
     smallest : smallest remaining share of the thickness; 1 without limited vertices.
     tightest : the vertex with this share.
     sides    : (m, 3) side of a face, 1 or -1, on which D lies at each of its corners (see `corner_sides`); always 1
-               except on one-sided surfaces.
-    """
+               except on one-sided surfaces."""
 
     D: Floats
     limited: int
@@ -189,9 +183,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """Return D at corners of the faces F (m, 3), (m, 3, 3), on each face's side: the input of
-        `Sheet.carry_corners`.
-        """
+        """Return D at corners of the faces F (m, 3) as (m, 3, 3), on each face's side, for `Sheet.carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
@@ -205,8 +197,7 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
     thickness : of the whole sheet, one number or (n,) at each vertex.
     side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
     Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or lack a possible
-    orientation, and for `side` on a one-sided surface.
-    """
+    orientation, and for `side` on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -236,12 +227,10 @@ def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
     """Return shares (n,) of D (n, 3) with which every prism over a face has a clearly positive Jacobian.
-
     If the offset vector at a corner is nearly parallel to the face, the limit is lower, because shrinking does not
     help.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
-    smallest : least share, because an exact test follows.
-    """
+    smallest : least share, because an exact test follows."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -263,11 +252,9 @@ def safe_shares(
 def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) of the
     corners.
-
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
     corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean |d|.
-    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals.
-    """
+    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)

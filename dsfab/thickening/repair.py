@@ -27,8 +27,7 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres.
     Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: even thin prisms over it turn
     over.
-    Larger folds are intended, because the surface crosses itself there.
-    """
+    Larger folds are intended, because the surface crosses itself there."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -55,8 +54,7 @@ def flatten_contacts(
     Faces that meet become thinner, to a film if necessary. An offset nearly parallel to a face around its vertex cannot
     become better by shortening: then vertex and offset move half of the way to the mean of the neighbours. The result
     is
-    the best state of all rounds.
-    """
+    the best state of all rounds."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
     result = V, D, pairs
@@ -78,9 +76,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """Return the smallest cosine (n,) between each offset and the faces around its vertex, on the sides of these
-    faces.
-    """
+    """Return the smallest cosine (n,) between each offset and the faces around its vertex, on the faces' sides."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -90,9 +86,8 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return the number of the fold at each vertex (n,), or -1, and the size of each fold: the diagonal of its box,
-    metres.
-    """
+    """Return the number of the fold at each vertex (n,), or -1, and the size of each fold: its box's diagonal,
+    metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
@@ -107,9 +102,7 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 
 
 def _averages(surface: Surface) -> csr_array:
-    """Return the matrix (n, n) of means over the neighbours of each vertex, along the boundary for boundary
-    vertices.
-    """
+    """Return the matrix (n, n) of means over neighbours, along the boundary for boundary vertices."""
     i, j = smoothing_neighbours(surface.edges, surface.n)
     return csr_array((1 / np.bincount(i, minlength=surface.n)[i], (i, j)), shape=(surface.n,) * 2)
 
@@ -117,12 +110,10 @@ def _averages(surface: Surface) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class RepairedSkin:
     """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
-
     found   : number of pairs before the repair.
     crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
     union   : replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
-    V       : (n, 3) vertices of the sheet, moved at small folds.
-    """
+    V       : (n, 3) vertices of the sheet, moved at small folds."""
 
     V: Floats
     D: Floats
@@ -137,8 +128,7 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
     Thinning does not help a sheet that crosses itself: it is cut into patches, and the solids of the patches are
     united.
-    among : mask of the skin's faces that may intersect, with these offsets and any diagonals; default: all.
-    """
+    among : mask of the skin's faces that may intersect, with these offsets and any diagonals; default: all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -195,8 +185,7 @@ def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
     """Shorten offsets around the pairs until no pair or no permitted shortening remains; return the best state.
-    free : (n,) vertices whose offsets may be shortened.
-    """
+    free : (n,) vertices whose offsets may be shortened."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

@@ -24,9 +24,7 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return the largest move (m) of skins V + 2 D, both (n, 3), by `round_to_single`: half a step in each
-    coordinate.
-    """
+    """Return the largest move (m) of skins V + 2 D, both (n, 3), by `round_to_single`: half a step per coordinate."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
@@ -34,8 +32,7 @@ def rounding_step(V: Floats, D: Floats) -> float:
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
     tolerance : limit for each collapse in the unit of V; all collapses together may move points 1.5 to 3 times as far.
-    Raises SolidError if manifold3d rejects the mesh, or if all of it collapses.
-    """
+    Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
@@ -68,8 +65,7 @@ class Skin:
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
-          p- --- q-        lower skin        seen from outside, p to the right of q
-    """
+          p- --- q-        lower skin        seen from outside, p to the right of q"""
 
     n: int
     upper: Ints
@@ -103,9 +99,7 @@ class Skin:
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """Return (2 m + 2 r, 3) upper faces, lower faces, first and second triangles of the walls, all facing
-        outward.
-        """
+        """Return (2 m + 2 r, 3) upper faces, lower faces, first and second triangles of walls, all facing outward."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))

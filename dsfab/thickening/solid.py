@@ -44,8 +44,7 @@ class Repairs:
     crossings : number of lines along which the sheet crosses itself and its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
     lost     : share of the sheet's volume that thinning removed.
-    limited  : vertices of the uncut surface made thinner because it bends too sharply there, down to `smallest`.
-    """
+    limited  : vertices of the uncut surface made thinner because it bends too sharply there, down to `smallest`."""
 
     rung: Literal["none", "flipped", "thinned", "united"] = "none"
     found: int = 0
@@ -134,9 +133,7 @@ def _triple(point: Floats) -> Place:
 
 
 VOLUME_TOLERANCE = 1e-9
-"""Largest difference between the volume by dsfab and by manifold3d, over area times size; rounding causes a small
-one.
-"""
+"""Largest difference of the volumes by dsfab and by manifold3d, over area times size, because of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +145,7 @@ class Solid:
     genus  : number of handles of its boundary, summed over all its closed boundary surfaces.
     pieces : number of connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
     notes  : sentences on changes that made the solid buildable, and on remaining faults.
-    repairs : these changes and faults in numbers.
-    """
+    repairs : these changes and faults in numbers."""
 
     V: Floats
     F: Ints
@@ -224,8 +220,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses exact vertices. The
     solid
     itself stays exact if it passes the same test: then triangles of one plane are one face of a STEP file.
-    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result.
-    """
+    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
@@ -330,9 +325,7 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
 
 
 def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
-    """Return the number of pieces of the sheet, and of closed boundary surfaces of its solid F; a closed, two-sided
-    piece has two.
-    """
+    """Return the number of pieces of the sheet, and of closed boundary surfaces of its solid F."""
     count, label = surface.pieces
     if len(misoriented_edges(surface.F, surface.edges)):
         return count, pieces(F, edge_table(F))[0]
@@ -344,8 +337,7 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
 
 def parts(solid: Solid) -> tuple[Solid, ...]:
     """Divide a solid into its pieces, sorted from low to high, then from front to back and left to right.
-    A closed surface inside a piece is a void and stays with the smallest piece around it.
-    """
+    A closed surface inside a piece is a void and stays with the smallest piece around it."""
     if solid.pieces == 1:
         return (solid,)
     count, shell = pieces(solid.F, edge_table(solid.F))

@@ -16,17 +16,14 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
 INWARD = 0.005
-"""Move of vertices on the seam of a patch, and at the ends of its neighbour, as a share of the way to adjacent
-vertices.
-"""
+"""Move of vertices on the seam of a patch and at its neighbour's ends, as a share of the way to adjacent vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
     """A part of the sheet: its faces (m,) with adjacent faces of its neighbours, the sheet's vertices (n, 3), and the
     share of
-    the offset at each vertex (n,).
-    """
+    the offset at each vertex (n,)."""
 
     faces: Bools
     V: Floats
@@ -37,8 +34,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return the parts of each colour (m,); lower colours extend into higher colours, unless they would meet.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet.
     Near a seam, parts are thinner by 1 % at the next vertices and 2 % on the seam, and half as much more for each
-    colour.
-    """
+    colour."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -64,9 +60,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return the faces (m,) of higher colours at vertices of colour c, without faces that meet another face of the
-    part.
-    """
+    """Return the faces (m,) of higher colours at vertices of colour c that meet no other face of the part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -75,9 +69,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """Return all vertices (n, 3); vertices `beyond` are moved by 45 % along their shortest edge to a vertex of the
-    patch.
-    """
+    """Return all vertices (n, 3), with vertices `beyond` moved by 45 % along their shortest edge to the patch."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -89,9 +81,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Return V (n, 3) with marked vertices moved a share of the way to the mean of their neighbours in `towards`,
-    if any.
-    """
+    """Return V (n, 3) with marked vertices moved a share of the way to the mean of neighbours in `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -110,8 +100,7 @@ THINNEST = 0.3
 class PrismUnion:
     """A closed mesh V (n, 3), F (m, 3), the pairs of its faces that still intersect (k, 2), and its number of pieces.
     share  : (n',) remaining share of the input offset at each vertex of the sheet.
-    places : number of separate lines along which the sheet crosses itself.
-    """
+    places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
     F: Ints
@@ -123,12 +112,9 @@ class PrismUnion:
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
-
     corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face.
     Returns None if it would need too many patches, or if manifold3d rejects a part.
-
-    A cut cannot separate faces that meet at a common vertex. There the sheet bends too sharply and becomes thinner.
-    """
+    A cut cannot separate faces that meet at a common vertex. There the sheet bends too sharply and becomes thinner."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -158,8 +144,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """Return the union, with short edges collapsed so that the fewest pairs intersect, and these pairs.
-    Where two surfaces cross near a vertex, points on their line are closer together than single precision resolves.
-    """
+    Where two surfaces cross near a vertex, points on their line are closer together than single precision resolves."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -194,9 +179,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Return patches (m,), cut halfway between clashing faces until no patch contains both; None beyond
-    `patch_limit` patches.
-    """
+    """Return patches (m,), cut halfway between clashing faces until none contains both; None beyond `patch_limit`."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -227,9 +210,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and True for pairs at a
-    vertex (k,).
-    """
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, True for those at a vertex
+    (k,)."""
 
     V: Floats
     F: Ints
@@ -238,9 +220,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """Return the closed mesh over the faces of a part; if patches touch in a vertex, each patch gets a copy of the
-    vertex.
-    """
+    """Return the closed mesh over the faces of a part; where patches touch in a vertex, each gets a copy of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)

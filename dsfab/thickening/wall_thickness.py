@@ -12,9 +12,8 @@ from dsfab.surface import edge_table
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02
-"""Lines start at this share of the way from a corner to the centre of a face, because tapering walls are thinnest at
-corners.
-"""
+"""Lines start at this share of the way from a corner to the centre of a face: tapering walls are thinnest at
+corners."""
 OPPOSED = float(np.cos(np.radians(20)))
 """Faces are opposite if the angle between them is below 20 degrees, because at an edge the thickness would be zero."""
 LARGE = 1e6
@@ -45,9 +44,8 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,) on lines from points (k, 3), moved a little inwards, along unit vectors (k,
-        3); -1 for none.
-        """
+        """Return the first face (k,) on lines from points (k, 3), moved inwards a little, along unit vectors (k,
+        3), or -1."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
@@ -64,9 +62,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row of the pair of faces (k,) with the least `size` whose facets do not meet in a point, or
-        None.
-        """
+        """Return the row of the pair of faces (k,) with the least `size` whose facets have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -84,11 +80,9 @@ class Facets:
 
 def thinnest_wall(solid: Solid) -> Wall | None:
     """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
-
     The thickness is the distance of a line's start from the plane of the face that it hits. This is exact between flat
     faces. Facets that meet in a point form a tip, which tapers to nothing and is not a wall. For example, a sheet that
-    crosses itself has tips where its parts are fused.
-    """
+    crosses itself has tips where its parts are fused."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]

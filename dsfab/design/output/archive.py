@@ -48,9 +48,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the division of a surface's faces from the arrays part_V (p, 3), metres, part_F ...; None without such
-    arrays.
-    """
+    """Return the division of a surface's faces from the arrays part_V (p, 3), metres, part_F ...; None without them."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -59,9 +57,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field from the array `key`, (n,) or (n, 2) at vertices, or from values at the vertices of parts of
-    faces.
-    """
+    """Return the field from the array `key`: values (n,) or (n, 2) at vertices, or at vertices of parts of faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -127,10 +123,8 @@ _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFil
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
     """Return the preset for a folder: meshes in the folder have no path, and the preset contains curves of drawings.
-
     folder : receives a mesh that is not in a file.    home : the final path of this folder.
-    Raises SurfaceError for a missing drawing.
-    """
+    Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):
@@ -146,8 +140,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
     """Write the archive of a design into a folder; return its path. preset : preset of the design, by default its
-    own.
-    """
+    own."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,

@@ -17,10 +17,8 @@ from dsfab.surface.fields import CornerField
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-
     tolerance : distance (m) of dropped points from the simplified lines; lengths are those of all points.
-    A family without stripes, or with stripes that touch everywhere, has no centre lines.
-    """
+    A family without stripes, or with stripes that touch everywhere, has no centre lines."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
@@ -39,9 +37,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 def stripe_phase(design: Design, k: int) -> Phase:
     """Return the phase of field k, with integers on the centre lines of its stripes; None for a field without stripes.
-
-    The phase has values (n,) at vertices; it is given at corners of faces if a vertex has no single value.
-    """
+    The phase has values (n,) at vertices; it is given at corners of faces if a vertex has no single value."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -63,8 +59,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
     faces, as in the diffusion tensors (gamma times the stress).
 
     Evenly spaced stripes have no phase at vertices. Their fields are the distance from the nearest centre line and the
-    density of the drawn lines; d and the wave refer to these lines.
-    """
+    density of the drawn lines; d and the wave refer to these lines."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -97,9 +92,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """Return the distance (n,), m, of vertices from supports and loads (keep) and from the boundary (rim), by these
-    names.
-    """
+    """Return the distance (n,), m, of vertices from supports and loads ("keep") and from the boundary ("rim")."""
     options, surface = design.preset.pattern, design.surface
     distances = {}
     if options.keep and "keep" in design.pattern.names:

@@ -36,11 +36,9 @@ if TYPE_CHECKING:
 
 class OpenedSurface(NamedTuple):
     """A one-sided surface, such as a Moebius strip, after a cut along a seam.
-
     given   : the surface before the cut, with n vertices and m faces, some of them turned over: `turned` (m,).
     surface : the cut surface, with more vertices (n') and the same faces in the same order.
-    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam.
-    """
+    twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
     given: Surface
     turned: Bools
@@ -48,17 +46,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3) at vertices of the cut surface, from vectors (m, 3, 3) at corners
-        of faces.
-        """
+        """Return half-thickness vectors (n', 3) of the cut surface, from vectors (m, 3, 3) at corners of faces."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with cells in the same order, and half-edges (k, 2) on both sides of
-        the seam.
-        """
+        """Return a sheet cut along the seam, with cells in the same order, and half-edges (k, 2) on both sides."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -101,11 +95,8 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
     """Return faces (m,) to turn over for the shortest seam; None if faces next to the seam disagree about their side.
-
     The seam is the shortest path between boundaries that crosses a side-changing loop an odd number of times.
-
-    counts : (m,) cost of a metre of the seam in each face.
-    """
+    counts : (m,) cost of a metre of the seam in each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -137,10 +128,8 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
-
     The second half of the `count` nodes is on the second side; edges with `turns` of 1 lead from one side to the
-    second.
-    """
+    second."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -157,9 +146,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over so that at most half of a face's outline is on the seam; a seam along a tree
-    has teeth.
-    """
+    """Return faces (m,) to turn over so that at most half of a face's outline is on the seam, which has no teeth."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -193,13 +180,10 @@ def _seam(surface: Surface) -> Bools:
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
-
     A design gives the same bytes as `dsfab build` and `dsfab export`: the solid with its edges and facts, the lines of
     the sheet, or the fields of the uncut surface, as far as the format allows. A solid, a sheet or a surface is
     written alone. `options` are those of `dsfab.export.write`, and replace those of the preset.
-
-    Raises ExportError as `dsfab.export.write`.
-    """
+    Raises ExportError as `dsfab.export.write`."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
@@ -211,9 +195,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
     """Return the shape for build123d, millimetres: for a design that of `design.write("x.step")`, smooth if possible.
-
-    Raises ExportError as `write`.
-    """
+    Raises ExportError as `write`."""
     import build123d
 
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -222,11 +204,9 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
-
     The part is the solid for formats of meshes, and for formats with both solid and lines. It is the sheet for formats
     of
-    lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields.
-    """
+    lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -264,10 +244,8 @@ PLATES = ("disc", "plate", "fill")
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
     """Return bodies of the members, metres, in the order of their names.
-
     Members overlap at crossings, so that the volume of all bodies exceeds that of the solid; the areas of members
-    (see `dsfab.export.members`) count each area once.
-    """
+    (see `dsfab.export.members`) count each area once."""
     sheet, options = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, options.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
@@ -285,9 +263,7 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
 
 def frame_details(design: Design) -> Details:
     """Return the beam model with sentences that compare it with the sheet.
-
-    Raises StaticsError if no member has an axis, or if the sheet lost a load.
-    """
+    Raises StaticsError if no member has an axis, or if the sheet lost a load."""
     facts = tuple(agreement.summary for agreement in design.frame_agreement())
     return Details(frame=design.frame, description=design.preset.description, facts=facts)
 
@@ -342,10 +318,7 @@ def curved_design(design: Design) -> Curved:
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """Return the parts of each stripe of a sheet that was cut from `surface` along a pattern; a one-sided surface is
-    cut along
-    a seam.
-    """
+    """Return the stripes of a sheet that was cut from `surface` along a pattern, see `StripedSheet`."""
     cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
     sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
@@ -353,9 +326,7 @@ def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
     """Return a sheet and the surface that it was cut from; a one-sided surface is cut along a seam.
-
-    thickness : metres, a number or one at each vertex (n,).
-    """
+    thickness : metres, a number or one at each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -368,8 +339,7 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
     """Return the sheet, divided into charts: chart k is the part where column k of `fields` (n, c), on the uncut
     surface, is
-    the largest. snap : see `cut`.
-    """
+    the largest. snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -385,10 +355,8 @@ def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, sna
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
     """Return charts (m,): a face whose chart is largest at no corner gets the chart that is largest at its centre.
-
     Where three borders meet, one border may cut off a part that belongs to neither of the remaining charts. Without
-    this correction that part would get the last chart, which may be far away.
-    """
+    this correction that part would get the last chart, which may be far away."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

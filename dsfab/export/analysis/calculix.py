@@ -87,12 +87,10 @@ class CalculixModel:
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
-
     `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For every step NAME.dat has the
     displacements of all nodes, the total force on the nodes of every support (its reaction plus the loads on these
     nodes, because CalculiX prints their sum) and the internal energy, which is half of the compliance.
-    Raises ExportError for another suffix, and if the file cannot be written.
-    """
+    Raises ExportError for another suffix, and if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
         raise ExportError(f"{path.name} does not end in .inp, as CalculiX needs; name it {path.stem}.inp")
@@ -181,9 +179,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return True for the components (p, 3) to write; smaller ones are rounding errors of the largest one of the
-    step.
-    """
+    """Return True for the components (p, 3) to write; smaller ones are rounding errors of the largest."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -204,8 +200,7 @@ SUFFIX = ".beams.inp"
 PIECES = 4
 """Number of elements of each beam. Where beams meet at angles, the joints are up to 17 % too stiff with one element,
 and
-up to 8 % with four.
-"""
+up to 8 % with four."""
 
 
 def encode(part: Part) -> Iterator[bytes]:

@@ -26,14 +26,11 @@ VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0
-"""Steps of rounded widths (mm): fine below 100 mm, coarse above. Without rounding, each beam would have its own
-section.
-"""
+"""Steps of rounded widths (mm) below and above 100 mm. Without rounding, each beam would have its own section."""
 SMALL = {0: 1e-6, 3: 1e-2}
 """Least share of the largest force (0) or moment (3) of a case; smaller ones are left out. Such forces are rounding
 errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under
-0.07 %, and the workbook has half of the rows.
-"""
+0.07 %, and the workbook has half of the rows."""
 TYPES = {
     "S": "Steel",
     "GL": "Timber",
@@ -61,9 +58,7 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet of a workbook: rows below a head; the sheets `Project` and `Model` have rows of name and value and no
-    head.
-    """
+    """A sheet of a workbook: rows below a head; `Project` and `Model` have rows of name and value without a head."""
 
     name: str
     head: tuple[str, ...]
@@ -325,9 +320,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
     """Return the rows of each sheet by name; empty cells are None.
-
-    Only the parts of Office Open XML (ECMA-376) that XlsxWriter writes are read: numbers and shared strings.
-    """
+    Only the parts of Office Open XML (ECMA-376) that XlsxWriter writes are read: numbers and shared strings."""
     with zipfile.ZipFile(path) as archive:
         shared = [
             "".join(text.text or "" for text in item.iter(f"{MAIN}t"))

@@ -1,8 +1,7 @@
 """VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres, with the SI unit in each name.
 
 The file's field data repeats the unit of length, because the format has no place for the unit. Facts about the fields
-are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes.
-"""
+are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
 
 import base64
 import xml.etree.ElementTree as ElementTree
@@ -38,9 +37,7 @@ def prepare(part: Part) -> Part:
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the file in one piece.
-
-    A field with as many rows as vertices belongs to the vertices, any other field to the faces.
-    """
+    A field with as many rows as vertices belongs to the vertices, any other field to the faces."""
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}

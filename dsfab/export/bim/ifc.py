@@ -25,18 +25,14 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
     "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
 }
-"""Quantities of a plate and their kinds, by set; the first is the standard's set, whose width is the sheet's
-thickness.
-"""
+"""Quantities of a plate and their kinds, by set; the width of the first, the standard's set, is the thickness."""
 Naming = Callable[[str], str]
 """A function from a word to an IFC identifier."""
 
 
 class Place(NamedTuple):
     """Numbers of entities that elements refer to; 0 if material or properties are unknown.
-
-    placement : placement of the whole roof.    part : placement of each part, relative to the roof.
-    """
+    placement : placement of the whole roof.    part : placement of each part, relative to the roof."""
 
     body: int
     building: int
@@ -58,9 +54,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site, building and the entities that all elements share; return the numbers of these
-    entities.
-    """
+    """Add units, project, site, building and the entities that all elements share; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -163,7 +157,6 @@ def element(
     naming: Naming,
 ) -> int:
     """Add a piece with colour and quantities; return the number of its entity.
-
     which  : name and number of the piece.    mesh : vertices (n, 3), millimetres, and triangles (m, 3), counted from 1.
     """
     (name, i), (V, corners) = which, mesh
@@ -187,9 +180,7 @@ def element(
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add the triangles (m, 3), counted from 1, of a closed body V (n, 3) with a style; return the number of its
-    entity.
-    """
+    """Add the triangles (m, 3), counted from 1, of a closed body V (n, 3) with a style; return its number."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))

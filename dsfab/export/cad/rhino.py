@@ -45,9 +45,7 @@ MESH = "sheet"
 """Name of the layer of the mesh."""
 
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: properties of the file, and its history. If a code has the bit `_SHORT`, a value replaces the
-length.
-"""
+"""Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
@@ -106,9 +104,7 @@ def _ids(part: Part) -> Ids:
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from a name to a UUID; different arrays give different ids, so two designs can share a
-    model.
-    """
+    """Return a function from a name to a UUID; different arrays give different ids, so designs can share a model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -127,11 +123,9 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 
 def without_times(data: bytes) -> bytes:
     """Replace both times in the history of an archive by `_TIME` and correct its checksum.
-
     The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
     CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for archives of another
-    layout.
-    """
+    layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -295,9 +289,7 @@ def _members_about(name: str, layer: int, identity: Any) -> Any:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless all members, axes and nodes are valid, with
-    names, in mm.
-    """
+    """Read the file back with rhino3dm. Raises ExportError unless all members, axes and nodes are valid, in mm."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -335,9 +327,7 @@ def polyline_json(points: Floats) -> str:
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
     """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; a quad is split along its shorter
     diagonal.
-
-    Raises ExportError if the text contains no mesh.
-    """
+    Raises ExportError if the text contains no mesh."""
     mesh = _decode(text)
     if type(mesh).__name__ != "Mesh":
         raise ExportError(f"the geometry is a {type(mesh).__name__}, not a mesh; convert it to a mesh in Grasshopper")

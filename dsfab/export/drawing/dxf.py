@@ -85,9 +85,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add the consecutive curves of a line to a drawing, and yield the entities: splines, and polylines of straight
-    runs.
-    """
+    """Add the curves of a line to a drawing, and yield the entities: splines, and polylines of straight runs."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -212,9 +210,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of each member with axis and
-    edges.
-    """
+    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of lines for each member."""
     import ezdxf
 
     document = ezdxf.readfile(path)

@@ -1,8 +1,7 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
 The drawings use only LWPOLYLINE and CIRCLE, because every cutting program reads these; letters are polylines, too.
-Equal drawings give equal bytes.
-"""
+Equal drawings give equal bytes."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -73,10 +72,8 @@ class FlatDrawing:
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
     """Return a drawing as a DXF file without dates and random identifiers.
-
     ezdxf writes the frame of the file once for all drawings with equal layers. This function writes the lines and
-    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings.
-    """
+    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
@@ -92,8 +89,7 @@ _TITLE = "title of the drawing"
 class _Frame(NamedTuple):
     """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
     handle
-    of the space that contains the entities.
-    """
+    of the space that contains the entities."""
 
     before: str
     after: str
@@ -143,9 +139,7 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
     """Raise ExportError unless a file is complete, is in millimetres, and has as many lines and circles as the drawing.
-
-    The check reads pairs of group code and value directly, because ezdxf takes ten times as long.
-    """
+    The check reads pairs of group code and value directly, because ezdxf takes ten times as long."""
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
@@ -158,9 +152,7 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
     """Return a drawing as SVG at full size, with its layers as groups for Inkscape.
-
-    hair : width of the lines, metres; 0 for a width that suits a view of the whole drawing.
-    """
+    hair : width of the lines, metres; 0 for a width that suits a view of the whole drawing."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 

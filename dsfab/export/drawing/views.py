@@ -23,8 +23,7 @@ AXES = {
 class DrawingView:
     """A view of a sheet.
     runs  : visible parts of lines, points (k, 2) in millimetres.    low, high : corners of the view.
-    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view.
-    """
+    loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view."""
 
     title: str
     runs: tuple[tuple[StructureLine, Floats], ...]
@@ -156,9 +155,7 @@ class PlacedView:
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
     """Return the views in rows on paper, and the largest usual scale (mm per mm of paper) at which they fit.
-
-    title : width and height of the block that stays free in the lower right corner, millimetres.
-    """
+    title : width and height of the block that stays free in the lower right corner, millimetres."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]

@@ -20,9 +20,7 @@ FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer with vertices and
-    faces.
-    """
+    """Yield the header of 12 bytes, a chunk of JSON about the buffer, and the buffer with vertices and faces."""
     points = y_upwards(part.V / MM_PER_M).astype("<f4")
     yield from glb_chunks(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
 

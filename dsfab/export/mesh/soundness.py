@@ -14,10 +14,8 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
     """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell first, then its voids.
-
     A shell with positive volume is an outer shell. A void is a shell whose triangles face inwards; it belongs to the
-    smallest outer shell around it. Raises ExportError for a void without an outer shell.
-    """
+    smallest outer shell around it. Raises ExportError for a void without an outer shell."""
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
     outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
@@ -36,8 +34,7 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 
 def winding(point: Floats, V: Floats, F: Ints) -> float:
     """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside.
-    Source: van Oosterom, Strackee 1983.
-    """
+    Source: van Oosterom, Strackee 1983."""
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]
@@ -81,8 +78,7 @@ class Soundness:
     tested    : True if crossings were tested; the test needs an oriented manifold.
     shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies of material.
     crossings : (k, 2) pairs of triangles that cross.
-    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2.
-    """
+    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2."""
 
     faults: tuple[Fault, ...]
     pinches: int
@@ -110,9 +106,7 @@ class Soundness:
 
 def soundness(V: Floats, F: Ints) -> Soundness:
     """Measure a mesh and find its faults.
-
-    V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside.
-    """
+    V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside."""
     edges = edge_table(F)
     middles = V[edges.ends].mean(axis=1)
     crowded = np.flatnonzero(edges.count > 2)

@@ -29,11 +29,9 @@ def prepare_stl(part: Part) -> Part:
 
 def encode_stl(part: Part) -> Iterator[bytes]:
     """Yield the header, the number of triangles, then 50 bytes for each triangle.
-
     The header must not begin with "solid", because readers recognise the text variant by this word. It ends with a
     zero,
-    because admesh prints it as a C string.
-    """
+    because admesh prints it as a C string."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -64,8 +62,7 @@ def check_obj(part: Part, path: Path) -> ReadBack:
 
 def encode_off(part: Part) -> Iterator[bytes]:
     """Yield the counts of vertices, faces and edges, then a line for each vertex and face.
-    The count of edges is 0, because the format allows writers not to count edges.
-    """
+    The count of edges is 0, because the format allows writers not to count edges."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))

@@ -208,9 +208,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return names of members as distinct sheet names: at most 31 characters, none of []:*?/\\', case makes no
-    difference.
-    """
+    r"""Return distinct sheet names of members: at most 31 characters, none of []:*?/\\', whatever the case."""
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
         word = member.translate(NOT_IN_NAMES)[:width]

@@ -25,8 +25,7 @@ class MemberBays:
 
           z, normal      width along y, thickness along z:
           |  y           My bends the member out of the surface (W = width thickness^2 / 6),
-        o-+-/----o       Mz bends it within the surface (W = thickness width^2 / 6)
-    """
+        o-+-/----o       Mz bends it within the surface (W = thickness width^2 / 6)"""
 
     member: tuple[str, ...]
     name: tuple[str, ...]
@@ -104,8 +103,7 @@ class Utilisation:
     values   : by case or combination, (b, c) largest value along each bay for each check.
     station  : by case, (b, c) station of this value, 0 to 4; 0 for a value of the whole bay.
     assumed  : sentences on assumptions.    unchecked : topics without a check.
-    combined : True if cases are combinations with partial factors.
-    """
+    combined : True if cases are combinations with partial factors."""
 
     bays: MemberBays
     checks: tuple[CodeCheck, ...]
@@ -179,9 +177,8 @@ class Utilisation:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Rectangular sections with `width` along y and `thickness` along z, metres: both (b, k), k sections along b
-    bays.
-    """
+    """Rectangular sections with `width` along y and `thickness` along z, metres: both (b, k), k sections in each
+    bay."""
 
     width: Floats
     thickness: Floats
@@ -243,16 +240,14 @@ class Rectangle:
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
         """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths in metres: pi / L sqrt(E
         I G It).
-        Source: Timoshenko, Gere 1961, 6.1.
-        """
+        Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
     """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
     It depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. For a linear
-    moment it is 0.6 + 0.4 psi.
-    """
+    moment it is 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])
@@ -273,8 +268,7 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
     """Return the largest von Mises stress of an elastic section over a strength (Pa), for forces (b, 5, 6).
-    bent : (b, 5) stress from bending members into shape, Pa.
-    """
+    bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

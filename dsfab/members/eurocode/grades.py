@@ -49,11 +49,9 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
-
     E05, G05 : 5 % quantiles of the moduli.
     fm_flat, fv_flat : values for flatwise bending, which differ for LVL.
-    size : exponent s of the size effect of LVL.
-    """
+    size : exponent s of the size effect of LVL."""
 
     name: str
     product: Product
@@ -109,9 +107,7 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
     2: (0.6, 0.7, 0.8, 0.9, 1.1),
     3: (0.5, 0.55, 0.65, 0.7, 0.9),
 }
-"""Factors k_mod of solid timber, glulam and LVL [EN 1995-1-1, table 3.1], by service class, in the order of
-`DURATIONS`.
-"""
+"""Factors k_mod of timber products [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:

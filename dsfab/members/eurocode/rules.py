@@ -29,12 +29,10 @@ UNCHECKED = (
 @dataclass(frozen=True)
 class Rules:
     """Rules for checking members.
-
     material  : name of the material, or ''.    young, shear : moduli, Pa.
     strength  : Pa, for materials without a standard in dsfab.    durations : of loads, by case and combination.
     steel, timber : factors.    loads : sentence on the loads.
-    combined  : True if cases are combinations with partial factors.
-    """
+    combined  : True if cases are combinations with partial factors."""
 
     material: str
     young: float
@@ -49,8 +47,7 @@ class Rules:
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
     """Return force over resistance of bays for all their cases.
-    Raises StaticsError if neither the material nor a strength is known, and if there are no bays.
-    """
+    Raises StaticsError if neither the material nor a strength is known, and if there are no bays."""
     if not bays.member:
         raise StaticsError(
             "no member has a bay between two nodes, so the report has nothing to check; see dsfab export --to csv"

@@ -39,8 +39,7 @@ class TimberFactors:
     """Factors of timber checks.
     service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None for that of table 2.3.
     buckling_length : buckling length over the distance between nodes.
-    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start.
-    """
+    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -52,8 +51,7 @@ def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> CheckRatios:
     """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
-    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2.
-    """
+    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
     bent = elastic * factors.layer * np.abs(bays.curvature) / 2
@@ -69,9 +67,7 @@ def timber_checks(
 
 @dataclass(frozen=True, eq=False)
 class Stresses:
-    """Stresses (b, 5), Pa: axial, tension positive; bending out of the surface and in it; shear along y and z;
-    torsion.
-    """
+    """Stresses (b, 5), Pa: axial, tension positive; bending out of and in the surface; shear along y and z; torsion."""
 
     axial: Floats
     my: Floats
@@ -83,8 +79,7 @@ class Stresses:
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
     """Return the stresses of forces (b, 5, 6); bent : (b, 5) stress from bending into shape (Pa), added to that of
-    My.
-    """
+    My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(

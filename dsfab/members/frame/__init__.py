@@ -2,8 +2,7 @@
 
 joints   nodes of members, ends, hubs of discs      beams    straight pieces, loads and supports on nodes
 build    the whole model: `Design.frame`            model    `Frame`, its solution, comparison with the sheet
-forces   member forces from the section forces of the sheet
-"""
+forces   member forces from the section forces of the sheet"""
 
 from dsfab.members.frame.build import frame_of
 from dsfab.members.frame.forces import COMPONENTS, STATIONS, MemberForces, forces_along, member_forces

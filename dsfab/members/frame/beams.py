@@ -122,17 +122,14 @@ def _bay(
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
     A disc has material on both sides of its ring, but an outline on the outer side only: its width is at least its area
-    over its length.
-    """
+    over its length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and nearly straight beams, and extra widths (k,) at
-    joints.
-    """
+    """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and extra widths (k,) at joints."""
     (s, t), axis = span, member.axis
     assert axis is not None
     half = fitting(np.array(joint_widths) / 2, t - s)
@@ -160,8 +157,7 @@ def _divide_bay(
 @dataclass(frozen=True, eq=False)
 class BeamPlaces:
     """Places near beams.
-    beam : (q,) the nearest beam. along : (q,) position on the beam, 0 to 1. foot : (q, 3) nearest point on the beam.
-    """
+    beam : (q,) the nearest beam. along : (q,) position on the beam, 0 to 1. foot : (q, 3) nearest point on the beam."""
 
     beam: Ints
     along: Floats
@@ -189,8 +185,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
     """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
     Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam carry
-    it like supports of a simple beam. The sums of forces and moments are those of the sheet.
-    """
+    it like supports of a simple beam. The sums of forces and moments are those of the sheet."""
     loads = np.zeros((len(points), 6))
     ends, moment = beams.ends[places.beam], np.cross(V - places.foot, load.force)
     for side, share in ((0, 1 - places.along), (1, places.along)):
@@ -204,8 +199,7 @@ class NodeSupports:
     """Supports at nodes; index h counts the supports.
     node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) centre of the supported vertices.
     apart : (h,) True if a link is needed.    fixed : (h, 6) fixed directions.    spring : (h, 6) N/m.    width : (h,)
-            m.
-    """
+            m."""
 
     node: Ints
     place: Floats
@@ -217,8 +211,7 @@ class NodeSupports:
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
     """Return the supports of a sheet, each at the nearest node of the nearest beam; points : (n, 3) nodes.
-    Where whole faces are fixed, for instance at column heads, neither the sheet nor the node can turn.
-    """
+    Where whole faces are fixed, for instance at column heads, neither the sheet nor the node can turn."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -251,9 +244,7 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """Return the width (v,), m, of the patch of faces, fixed at all corners, around each vertex; 0 without such
-    faces.
-    """
+    """Return the width (v,), m, of the patch of fully fixed faces around each vertex; 0 without such faces."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
@@ -266,9 +257,8 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of each group of points: the root of twelve times their variance along two
-    axes.
-    """
+    """Return length and width (h, 2), m, of groups of points: the root of twelve times their variance along two
+    axes."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))

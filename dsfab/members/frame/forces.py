@@ -15,8 +15,7 @@ from dsfab.surface import Surface
 
 PLANES = 4
 """Number of planes within one edge of the mesh around a station.
-Forces are averaged over these planes, because forces of a face are constant and only their means are in equilibrium.
-"""
+Forces are averaged over these planes, because forces of a face are constant and only their means are in equilibrium."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,7 @@ class Sections:
     weight  : (c, 2, 3) weights of the face's corners at both ends.
     across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
     end_...  : the same quantities at ends on free edges, with weights (e, 3).
-    end_out : (e, 3) unit vectors along the line, out of the face.
-    """
+    end_out : (e, 3) unit vectors along the line, out of the face."""
 
     station: Ints
     face: Ints
@@ -60,9 +58,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3) of the corners of cells; along a closed axis the three values of a cell stay
-    together.
-    """
+    """Return arc lengths (c, 3) of the corners of cells; the three of a cell stay together on a closed axis."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -90,8 +86,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 def _line(level: Floats) -> tuple[Floats, Ints]:
     """Return the line on which a level (c, 3) is zero in triangles: weights (c, 2, 3) of the corners at both ends,
     edges (c, 2).
-    Each edge is given by the corner at which it begins.
-    """
+    Each edge is given by the corner at which it begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -160,8 +155,7 @@ class MemberForces:
     width  : (k,) width (m) of the section over which forces are summed.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
              Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side; Mt turns
-             about the axis.
-    """
+             about the axis."""
 
     member: str
     s: Floats

@@ -16,9 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return lengths (2,), m, of the joints at both ends of a bay, reduced so that at least a fifth of the bay
-    remains.
-    """
+    """Return lengths (2,), m, of the joints at both ends of a bay, reduced so that a fifth of the bay remains."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -26,12 +24,10 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-
     points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
     links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
     ends   : by member, begin and end of its beams, metres along its axis.
-    grazed : nodes at which members share material beside their middle lines.
-    """
+    grazed : nodes at which members share material beside their middle lines."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -106,8 +102,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes, and return the nodes of both.
-    Axes near each other share one node; otherwise a link joins them, as wide as the narrower member.
-    """
+    Axes near each other share one node; otherwise a link joins them, as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -152,8 +147,7 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     connected,
     even across a few faces without an axis. The members must lie within the end's width. Ends with a node stay
     unchanged:
-    links between them would make the preset `cantilever` 6 % stiffer than its sheet.
-    """
+    links between them would make the preset `cantilever` 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -243,12 +237,10 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
-
     Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the
     0.217 of
     a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
-    1959, 19].
-    """
+    1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

@@ -22,8 +22,7 @@ SHEAR = 5 / 6
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
     """Return St. Venant's torsion constant of rectangles, m4, with an error of 0.5 % [Roark, table 10.1, case 4].
-    width, thickness : (b,) metres, in any order.
-    """
+    width, thickness : (b,) metres, in any order."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
     return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
@@ -68,8 +67,7 @@ class Frame:
                 if unknown.
     eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
     stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
-                bay, because both form one wider piece there; 0 for links.
-    """
+                bay, because both form one wider piece there; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -157,8 +155,7 @@ class FrameAnswer:
     end      : (b, 2, 6) section forces at both ends of each beam in its own axes, N and Nm: N, Vy, Vz, Mt, My, Mz on a
                section whose outward normal is local x; N is positive for tension.
     energy   : (b,) elastic energy of each beam, J.
-    compliance : loads times displacements, J.
-    """
+    compliance : loads times displacements, J."""
 
     u: Floats
     reaction: Floats
@@ -176,8 +173,7 @@ class FrameAnswer:
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
     """Solve a frame for its cases and combinations; return the solutions by name.
     shear : False for beams of Euler and Bernoulli, without shear deformation.
-    Raises StaticsError for a frame that is free to move.
-    """
+    Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -186,9 +182,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
 
 
 def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
-    """Return the stiffness (b, 12, 12) of each beam in its own axes: six unknowns of its first node, then of its
-    second.
-    """
+    """Return the stiffness (b, 12, 12) of each beam in its own axes: six unknowns of each of its two nodes."""
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
@@ -289,8 +283,7 @@ class FrameAgreement:
     displacement : ratio of the largest displacements, 1 for equal results.
     stout : share of the beams' elastic energy in links and in bays wider than 0.35 of their length or with grazing
             members; or of the sheet's energy in material outside of axes, if this share is larger.
-    twist : largest displacement of the sheet over that of a thin sheet.
-    """
+    twist : largest displacement of the sheet over that of a thin sheet."""
 
     case: str
     compliance: float
@@ -332,8 +325,7 @@ def agreement(
 ) -> list[FrameAgreement]:
     """Compare the solutions of the frame and the sheet for each case and combination of both.
     other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
-    twist        : by case, see `FrameAgreement`.
-    """
+    twist        : by case, see `FrameAgreement`."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

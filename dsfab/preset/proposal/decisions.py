@@ -53,8 +53,7 @@ class Proposal:
 
     def text(self, file: Path | None = None) -> str:
         """Return the preset as TOML; the text names no file for a mesh from Python.
-        file : path of the mesh relative to the preset's folder; default: the user's path.
-        """
+        file : path of the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
@@ -75,8 +74,7 @@ def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, materi
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
-    """
+    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material."""
     return propose(mesh, unit, up, material).preset
 
 
@@ -90,8 +88,7 @@ def propose(
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
     max_triangles : limit for a mesh file, which also limits the time of reading it.
-    raw           : content of the file, if the caller has read it.
-    """
+    raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):

@@ -15,8 +15,7 @@ LINE = 1 / 12
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if a surface would tip over, because the middle of its plan lies outside the area between its feet.
-    feet : points (k, 3) of each foot, metres.
-    """
+    feet : points (k, 3) of each foot, metres."""
     if not feet:
         return False
     middle = surface.areas @ surface.centroids / surface.area
@@ -27,8 +26,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
     """Return True if all feet (two or more) lie in one line, so that the surface could turn about this line.
-    A saddle on two corners is an example. feet : points (k, 3) of each foot, metres.
-    """
+    A saddle on two corners is an example. feet : points (k, 3) of each foot, metres."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]
@@ -47,8 +45,7 @@ def mast_corners(P: Floats, arm: float, height: float) -> Ints:
 
     P      : (n, 3) points of the edge, a closed line, metres.
     arm    : distance (m) along the edge over which a corner's directions are measured.
-    height : of the whole sheet, metres.
-    """
+    height : of the whole sheet, metres."""
     c = _corners(P, arm)
     if len(c) < 3:
         return c[:0]
@@ -72,9 +69,8 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
 
 
 def _corners(P: Floats, arm: float) -> Ints:
-    """Return the sharpest corners (k,) of a closed line P (n, 3) that turn by 45 degrees or more in plan, an `arm`
-    (m) apart.
-    """
+    """Return the sharpest corners (k,) of a closed line P (n, 3), turning by 45 degrees or more in plan, an `arm`
+    apart."""
     along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
@@ -96,9 +92,7 @@ DIP = 0.15
 LOW = 0.35
 """The lowest point of a foot may be above the lowest foot by this share of the height."""
 HIGHEST = 0.6
-"""Value in place of `LOW` for a surface that would tip over on low feet, such as a folded roof on the ends of its
-valleys.
-"""
+"""Value in place of `LOW` for a surface that would tip over on low feet, such as a folded roof on its valleys."""
 SHORTEST = 1 / 25
 """Least length of a foot, as a share of the span."""
 RIM = "upper rim"
@@ -120,9 +114,8 @@ class Foot:
     loop: int | None = None
 
     def picker(self, margin: float, digits: int) -> Boundary | Box:
-        """Return a picker that fits finer and coarser meshes: the foot's loop, or its box, enlarged by `margin`
-        metres.
-        """
+        """Return a picker that fits any mesh of the surface: the foot's loop, or its box, enlarged by `margin`
+        metres."""
         if self.loop is not None:
             return Boundary(self.loop)
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
@@ -162,8 +155,7 @@ def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
     """Add low points of the outer edges, the lowest first and up to `HIGHEST`, until the surface does not tip.
-    If it tips with all of them, return the feet unchanged.
-    """
+    If it tips with all of them, return the feet unchanged."""
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
@@ -177,9 +169,7 @@ def _with_higher_feet(
 
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
-    """Return the feet on the plane through the lowest points, if the plane gives more feet, as for a shell on a
-    slope.
-    """
+    """Return the feet on the plane through the lowest points, if that gives more feet, as for a shell on a slope."""
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
@@ -207,9 +197,7 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
-    """Return True for a single piece with sheet below its whole boundary, if no loop is an upper rim from which it
-    hangs.
-    """
+    """Return True for a single piece with sheet below its whole boundary that does not hang from an upper rim."""
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
@@ -256,9 +244,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 
 def soles(surface: Surface, height: float) -> list[Foot]:
-    """Return the lowest parts of a closed surface, on which it stands; the result omits parts far smaller than the
-    largest.
-    """
+    """Return the lowest parts of a closed surface, on which it stands, without parts far smaller than the largest."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -295,8 +281,7 @@ def _valleys(z: Floats, depth: float) -> list[int]:
     """Return the lowest points of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
     Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending
     order, and
-    each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth` deep.
-    """
+    each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth` deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}
@@ -340,8 +325,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
     """Extend a stretch of a closed line P (k, 3) on its lower side to the length `shortest` (m); return indices of its
     points.
-    At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images.
-    """
+    At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])

@@ -22,8 +22,7 @@ TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     """Return the marks on the four layers of the surface's file, by layer; {} for file formats without layers.
-    Raises SurfaceError for a file with marks whose z axis does not point to the sky.
-    """
+    Raises SurfaceError for a file with marks whose z axis does not point to the sky."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}

@@ -33,8 +33,7 @@ from dsfab.surface import (
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
 """Least lead of the score of axis y over that of z, by suffix of the file. It is 0.5 for formats that mostly have z up.
-It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns).
-"""
+It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns)."""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
 
 SLICE = 0.05
@@ -55,8 +54,7 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
     stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
     have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on
     the
-    ground with a long edge, its axis is z, or y for programs with y up.
-    """
+    ground with a long edge, its axis is z, or y for programs with y up."""
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
@@ -70,8 +68,7 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """Return True for a wall or screen that stands with a long edge on the plane through the origin.
-    With a wrong vertical axis its face would cross or touch that plane. A roof with y up is above y = 0.
-    """
+    With a wrong vertical axis its face would cross or touch that plane. A roof with y up is above y = 0."""
     V = upright_vertices(surface.V, up)
     level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
     limit = GROUND * surface.size
@@ -94,9 +91,7 @@ def _ends_in_level_rings(surface: Surface) -> bool:
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """Return the score of a surface with the axis `up`: 0 to 2 for an open surface, -0.2 to 0.4 for a closed
-    surface.
-    """
+    """Return the score of a surface with the axis `up`: 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
     V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
@@ -118,8 +113,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
-    V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4.
-    """
+    V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
@@ -148,8 +142,7 @@ class Decision:
     """A decision of dsfab for the user's preset.
     topic  : one or two words.
     choice : the choice and its reason.
-    change : the key of the preset, or the option of the command, that changes the choice.
-    """
+    change : the key of the preset, or the option of the command, that changes the choice."""
 
     topic: str
     choice: str
@@ -172,8 +165,7 @@ def mesh_in_file(
 ) -> UserMesh:
     """Return the mesh in a file; by default dsfab guesses its unit and vertical axis.
     max_triangles : limit for the file. raw : content of the file, if the caller has read it.
-    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair.
-    """
+    Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     unit_is_given, unit = unit is not None, unit or unit_guess(raw)
@@ -222,8 +214,7 @@ def preset_name(mesh: str | Path) -> str:
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
     """Return a mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
-    Raises SurfaceError for an invalid mesh.
-    """
+    Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
     else:
@@ -256,9 +247,7 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along axes where it is
-    near 0.
-    """
+    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along near axes."""
     low = surface.V.min(axis=0)
     # STL files have single precision: at 100 times the size they round by 1/100 000 of it, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
@@ -274,9 +263,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _alternative_units(surface: Surface, unit: str) -> str:
-    """Return the sizes in several units, if the unit is a guess with an unusual size and another unit has a usual
-    size.
-    """
+    """Return the sizes in several units, if the guessed unit gives an unusual size and another a usual one."""
     sides = np.ptp(surface.V, axis=0).tolist()
     alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
     return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""

@@ -20,8 +20,7 @@ SLENDER = {"steel": 200, "timber": 100}
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square roof on its
-corners spans its diagonal, 1.41 sides.
-"""
+corners spans its diagonal, 1.41 sides."""
 THICKEST = 1 / 5
 """Largest thickness for a long span over the spacing, because members are hardly wider than this share."""
 MODEL = 3.0
@@ -33,8 +32,7 @@ class Sizes:
     """Lengths in metres; `edge` is 0 if the mesh stays unchanged.
     own     : mean edge length of the user's mesh.
     span    : shorter side of the plan (see `shorter_side`), or the span of a roof if the span is far smaller.
-    bridged : span between the supports, if this span is far longer than the shorter side, else 0.
-    """
+    bridged : span between the supports, if this span is far longer than the shorter side, else 0."""
 
     span: float
     spacing: float
@@ -46,9 +44,7 @@ class Sizes:
 
     @property
     def coarse(self) -> bool:
-        """True if the edges of the user's mesh are much longer than the new edges, so that its facets would stay
-        visible.
-        """
+        """True if the edges of the user's mesh are much longer than new edges, so that facets would stay visible."""
         return self.edge < 0.7 * self.own
 
     @property
@@ -68,8 +64,7 @@ class Sizes:
 
         Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at
         40 mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m
-        had a utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm.
-        """
+        had a utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -101,8 +96,7 @@ class Sizes:
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
     """Return the sizes for a surface with z up; the default material is GL24h, or PLA for a printed model.
-    span : metres; 0 for the shorter side of the plan.
-    """
+    span : metres; 0 for the shorter side of the plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
@@ -114,9 +108,7 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side of a surface's plan (m), or of its face if the surface is a wall, whose plan is a
-    line.
-    """
+    """Return the shorter side of a surface's plan (m), or of its face if the surface is a wall."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 
@@ -127,9 +119,7 @@ def slenderness(material: str) -> int:
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head that is open at its
-    neck.
-    """
+    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 

@@ -17,8 +17,7 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 def snow_on_top(surface: Surface) -> str | None:
     """Return the picker of faces with snow on an open surface that is not a roof, such as the upper part of a ball.
-    Normals may point in or out. None for models, and for surfaces without a top (wall, tower) or without an outside.
-    """
+    Normals may point in or out. None for models, and for surfaces without a top (wall, tower) or without an outside."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
@@ -63,8 +62,7 @@ def proposal_text(
 ) -> str:
     """Return the preset as TOML with comments.
     keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic.
-    marks : marks of the file, which replace proposed feet.
-    """
+    marks : marks of the file, which replace proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))

@@ -22,8 +22,7 @@ class Base:
     """Context of extras: the uncut surface, the cut sheet, and a function from marks on the surface to marks on the
     sheet.
     between : returns marks (n',) of the sheet's vertices for marks (n,) of the surface's (see
-              `Sheet.vertices_between`).
-    """
+              `Sheet.vertices_between`)."""
 
     surface: Surface
     sheet: Surface

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
 class Holes:
     """`kind = "holes"`: round holes through the solid.
     at    : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point, so that material behind stays whole.
-    """
+    depth : metres, half of it on each side of the point, so that material behind stays whole."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -46,8 +45,7 @@ class Holes:
 @dataclass(frozen=True)
 class Trim:
     """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
-    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box.
-    """
+    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     point: Vector | None = None
@@ -74,12 +72,10 @@ class Trim:
 @dataclass(frozen=True)
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
-
     bed         : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
     apart       : distance (m) between the parts.
     dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 drills none. Every cut face gets a
-                  hole at its widest place, if the face there is at least twice as wide as the dowel.
-    """
+                  hole at its widest place, if the face there is at least twice as wide as the dowel."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -89,9 +85,7 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid in parts that fit the bed, with holes for dowels; raises SolidError for impossible
-        lengths.
-        """
+        """Return the solid in parts that fit the bed, with holes for dowels; raises SolidError for wrong lengths."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
             raise SolidError(
@@ -114,9 +108,7 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        """Return a hole at the widest place of each part of the cut faces at right angles to an axis, if a dowel
-        fits there.
-        """
+        """Return a hole at the widest place of each part of the cut faces across an axis, if a dowel fits there."""
         turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # z is now the axis or its opposite
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
@@ -143,9 +135,7 @@ def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manif
 
 
 def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:
-    """Return a point about as far inside a region as possible, by bisection; None if no point is `margin` from the
-    border.
-    """
+    """Return a point as far inside a region as possible, by bisection; None if the region is too narrow."""
     import manifold3d
 
     def inset(by: float) -> "manifold3d.CrossSection":

@@ -20,12 +20,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Feet:
     """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
-
     at     : vertices on feet.    height : metres below the lowest picked vertex of a part.
     margin : metres around the picked vertices.    sink : metres above the lowest vertex, so that block and sheet
              overlap.
-    Blocks stand along z.
-    """
+    Blocks stand along z."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -58,8 +56,7 @@ STRAIGHT = 1e-9
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
     width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across the surface.
-    at     : loops with a picked vertex get a beam; default: all loops.
-    """
+    at     : loops with a picked vertex get a beam; default: all loops."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -85,9 +82,7 @@ class Ring:
 
 
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
-    """Return the bar along one loop (k,) of vertices, mitred at its corners; raises SolidError if the bar would
-    cross itself.
-    """
+    """Return the bar along a loop (k,) of vertices, mitred at its corners; raises SolidError if it crosses itself."""
     import manifold3d
 
     V, F = closed_bar(*_bend_points(surface, loop), width, height)
@@ -106,8 +101,7 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
     """Return points (k, 3) where a loop bends; also direction and normal (k, 3) of the sides that begin at these
     points.
     The normal of a side is that of its face, turned so that the surface lies left of the loop. On a one-sided strip
-    the loop runs along both edges of the strip, and the normal turns with the loop.
-    """
+    the loop runs along both edges of the strip, and the normal turns with the loop."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -126,8 +120,7 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
     P : (k, 3) corners of the centre line.    along, normal : (k, 3) unit vectors of the sides that begin there.
-    The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width.
-    """
+    The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
     sharpest = 0.2  # least cosine of half the turn, for which the mitre is five times as long as the bar is wide
     middle = before + along

@@ -2,8 +2,7 @@
 
 The surface is divided into boxes; the boxes around a box form its block. The prisms of a box meet no other prisms under
 two conditions. First, the box's axis sees all skins of the block from the front. Second, the rim of the block runs once
-around the box's cylinder, outside of it. Then the prisms project along the axis without overlap.
-"""
+around the box's cylinder, outside of it. Then the prisms project along the axis without overlap."""
 
 from dataclasses import dataclass
 
@@ -20,11 +19,9 @@ from dsfab.thickening.skin import is_fine, rounding_step
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
     """A thickened surface before void cells are removed.
-
     uncut   : an edge-manifold surface, faces consistently oriented.    D : (n, 3) half-thickness vectors, metres.
     cells   : all cells of the cut surface, material and void.    carried : (n', 3) interpolated half-thickness vectors.
-    parent  : (m',) the face of `uncut` that contains each cell.    side : as in `thicken`.
-    """
+    parent  : (m',) the face of `uncut` that contains each cell.    side : as in `thicken`."""
 
     uncut: Surface
     D: Floats
@@ -46,11 +43,9 @@ REACH = 2
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """Boxes of the faces of a surface.
-
     of   : (m,) number of the box of each face.    place : (k, 3) place of each box in the grid.
     grid : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
-    key  : (k,) place of each box in the flattened grid.
-    """
+    key  : (k,) place of each box in the flattened grid."""
 
     of: Ints
     place: Ints
@@ -108,8 +103,7 @@ Three = tuple[Floats, Floats, Floats]
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return the cells (m',) with prisms that may be folded, the least cosine (k,) between skins and axis in each box,
     and the
-    reach (m',), m, of each prism from its middle.
-    """
+    reach (m',), m, of each prism from its middle."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -130,8 +124,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
     """Return the folded prisms (m,), the least cosine (m,) of their skins to an axis, and their reach (m,).
     upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
-    error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e.
-    """
+    error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -198,9 +191,7 @@ def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, er
 
 
 def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Ints]]:
-    """Return pairs of an accepted box and a half-edge on the rim of its block; the half-edge's face is inside the
-    block.
-    """
+    """Return pairs of an accepted box and a half-edge on the rim of its block, with its face inside the block."""
     pairs = uncut.edges.pairs
     h, g = np.concatenate([pairs, pairs[:, ::-1]]).T
     box_here, beyond = boxes.of[h // 3], boxes.of[g // 3]
@@ -231,8 +222,7 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 def proven_cells(layer: OffsetLayer) -> Bools:
     """Return the cells (m',) whose prism surely meets no other prism, for any diagonals of its sides.
     This applies to the exact vertices and to vertices in files of single precision (if `is_fine`). With more than 5 %
-    folded prisms the result is empty.
-    """
+    folded prisms the result is empty."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
