@@ -11,27 +11,10 @@ from dsfab.design.surface_and_statics import statics_step, surface_step
 from dsfab.preset.model import Preset
 
 __all__ = [
-    "PARTS",
-    "ROWS",
-    "TIMED",
-    "Design",
-    "Log",
-    "Progress",
-    "acting_on",
-    "draft",
-    "held_vertices",
-    "least_widths",
-    "loads_on",
-    "refusal",
-    "revise",
-    "run",
-    "sheet_load",
-    "sheet_loads",
-    "sheet_supports",
-    "silent",
-    "statics_step",
+    "PARTS", "ROWS", "TIMED", "Design", "Log", "Progress", "acting_on", "draft", "held_vertices", "least_widths",
+    "loads_on", "refusal", "revise", "run", "sheet_load", "sheet_loads", "sheet_supports", "silent", "statics_step",
     "surface_step",
-]
+]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
 """Rows of the timing table of a run: those of the paper's Table 2, followed by stages that the paper lacks."""

@@ -89,7 +89,6 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
 
 
 def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
-    """Object if one vertex carries nearly all of the reaction under every case."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
     least = np.min(shares, axis=0) if shares else np.zeros(surface.n)

@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
     from dsfab.report.design.save import SavedDesign
 
-
 T = TypeVar("T")
 
 
@@ -186,7 +185,6 @@ class Design:
         return self.from_results(self.preset, log, surface=self.surface, statics=statics) if statics else None
 
     def _valid_rough_design(self) -> "Design | None":
-        """Return the rough design of a sketch if its pattern follows the same stress as this design."""
         rough: Design | None = self._results.existing_input("rough design")
         return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 

@@ -250,7 +250,6 @@ def no_lines(surface: Surface, spacing: float) -> FamilyLines:
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:
-    """Return the symmetry of surface, supports and followed loads, unless the preset excludes symmetry."""
     if preset.pattern.symmetry == "none":
         return None
     loads = list(statics.loads(preset.followed_weights).values())

@@ -16,8 +16,6 @@ from dsfab.surface import LoadCase, PatternRegion, Surface, hat_gradients
 
 
 class _LatestLayers(NamedTuple):
-    """Layers for values of [pattern] on a surface."""
-
     options: tuple[float, float, Sequence[PatternRegion]]
     surface: ref[Surface]
     layers: list[Layer]
@@ -78,7 +76,6 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
 
 SHARE_TOLERANCE = 4e-4
 """Accuracy of pattern.width.solid_fraction, as a share of the surface."""
-
 UNREPORTED = 2 * SHARE_TOLERANCE
 """Largest error of the solid fraction without a report."""
 

@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from dsfab.members.eurocode import Duration, Rules, Utilisation
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
 
-
 LOAD_DURATIONS: dict[str, "Duration"] = {
     "permanent": "permanent",
     "imposed E": "long",
@@ -190,7 +189,6 @@ def _sheet_and_bar_answers(
 
 
 def _spread_faces(graph: "MemberGraph", count: int) -> Bools:
-    """Return faces of the sheet (m,) that carry in all directions: in discs, or outside members with an axis."""
     outside_members, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     for member in graph.members:
         within = graph.source[member.cells]

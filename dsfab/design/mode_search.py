@@ -187,7 +187,6 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
 
 
 def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
-    """Return pattern.width.steps steps of widths, or fewer if a sheet does not carry the loads."""
     steps: list[WidthStep] = []
     with log.row("widths"):
         grading = trial.start
@@ -245,7 +244,6 @@ class StressedTrial(Trial):
         return np.stack(sums, axis=1).astype(np.float64)
 
     def _clipped_grading(self, families: Sequence[DrawableFamily], grading: Floats) -> Floats:
-        """Return the grading with half-widths limited by LEAST_HALF_WIDTH and MOST_HALF_WIDTH."""
         full = np.array([self.factor * family.stripes.half_width for family in families])
         full = np.where(full > 0, full, 1.0)
         return np.asarray(np.clip(grading * full, LEAST_HALF_WIDTH, MOST_HALF_WIDTH) / full)
@@ -257,22 +255,16 @@ with a
 mode 1, else only the first.
 A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
 phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
-
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
-
 TOGETHER = ((1, 1), (-1, -1))
 """Equal moves of both phases."""
-
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
 """Moves of one phase or of both."""
-
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds: number of pairs of modes that continue, best first; step of the phases, in periods; moves."""
-
 CONNECTED_SHARE = 0.98
 """Least share of the material in the largest supported piece of a connected design; other designs rank last."""
-
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
 
@@ -353,7 +345,6 @@ def _search_rounds(
 def _first_phases(
     mode: tuple[int, int], open_phase: list[bool], fixed_phases: tuple[float, float], open_modes: int
 ) -> list[tuple[float, float]]:
-    """Return the first phases of a pair of modes, if the search chooses `open_modes` modes."""
     if open_modes == 2:
         grid = [(p, p) for p in (START if 1 in mode else START[:1])]
     else:

@@ -212,7 +212,6 @@ def _asymmetric_share(
 
 
 def _is_material(stripes: StripeChart, points: Floats) -> Bools:
-    """Return True for each of the points (p, 3) whose nearest point of the surface is material."""
     V, F = stripes.surface.V, stripes.surface.F
     _, face, place = nearest_places(points, V, F)
     weights = weights_at(place, V, F[face])

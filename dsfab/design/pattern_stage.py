@@ -173,7 +173,6 @@ def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> Pattern
 
 
 def _idle_frequencies(options: Pattern, surface: Surface) -> list[str]:
-    """Return notes on frequencies that evenly spaced stripes ignore; the default frequency gives no note."""
     families = [(name, getattr(options, name)) for name in options.family_names]
     return [
         f"pattern.{name}.frequency = {family.frequency:g} has no effect on evenly spaced stripes, which are "
@@ -186,7 +185,6 @@ def _idle_frequencies(options: Pattern, surface: Surface) -> list[str]:
 def _requested_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None
 ) -> MethodCandidate:
-    """Return the requested method, with the modes, phases and widths that the preset leaves open."""
     even = _even_stripes(preset, analysis, log, earlier) if preset.pattern.method == "stripes" else None
     choice = choice_step(preset, analysis, log) if preset.pattern.auto else None
     resolved = preset.with_modes(choice.mode, choice.phase) if choice else preset

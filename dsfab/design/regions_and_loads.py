@@ -90,7 +90,6 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
 
 def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
-    """Return a support or load on the rest of its selection; vertices (n,), edges (e, 2) of the whole surface."""
     picker = getattr(entry, "at", None)
     if picker is None or isinstance(picker, All):
         return entry

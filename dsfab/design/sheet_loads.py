@@ -193,7 +193,6 @@ def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
 
 
 def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
-    """Return forces (n', 3), N, at vertices of the sheet, for forces (n, 3) at vertices of the uncut surface."""
     sheet_vertex, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
     target = sheet_vertex[acting]
     is_lost = target < 0
@@ -222,7 +221,6 @@ def _edges_or_none(edges: Bools) -> Bools | None:
 
 
 def _within_edges(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
-    """Return edges of the sheet (e',) that lie within marked edges (e,) of the uncut surface."""
     ends = sheet.surface.edges.ends
     weight_sums = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
     weight_sums.data[weight_sums.data < 1 - ON_SIMPLEX] = 0.0

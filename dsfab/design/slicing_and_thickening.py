@@ -118,7 +118,6 @@ def _spikes(count: int) -> str:
 
 
 def _fillet_message(radius: float, radii: Floats) -> str:
-    """Return a note on the radii (k,), metres, of all rounded corners, compared with the requested radius."""
     if not len(radii):
         return f"no corner of an opening was rounded: none has space for a radius of {length(radius)} (pattern.fillet)"
     message = f"{len(radii)} corners of openings were rounded"

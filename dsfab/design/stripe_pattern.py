@@ -35,14 +35,11 @@ from dsfab.surface import Surface
 
 EXACT = 1e-9
 """Shares that differ by less are equal, because rounding depends on the order of the sum."""
-
 COUNTED = 2
 """Sample points along each side of a face, for the rough measure of material that begins a search."""
-
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths, which decide which openings of crowded members close.
 If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings."""
-
 SHARE_SNAP = 0.05
 """Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
 
@@ -360,7 +357,6 @@ def _even_families(
 
 
 def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: float) -> str:
-    """Return a note on the widths that give the requested share of material, or the nearest share."""
     options = preset.pattern
     if widths.rule == "constant":
         became = f"members are {length(factor * widths.member)} wide"

@@ -130,7 +130,6 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
 
 
 def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[ResultRequest, tuple[str, ...]]:
-    """Return the requested results that a mesh of this size allows, and the reason if modes are refused."""
     requested = sheet.analyses
     if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
         return requested, ()
@@ -273,7 +272,6 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Limits of a surface's size over its thickness; outside of them units are wrong, and dsfab refuses the preset."""
-
 USUAL_SLENDERNESS = (10.0, 5e3)
 """Usual range of a surface's size over its thickness; a note reports values outside."""
 
@@ -401,7 +399,6 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
 
 
 def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
-    """Return the surface before remeshing, and note all data that the reader of its file repaired or dropped."""
     if not isinstance(section, FileSurface):
         return section.base_surface()
     file = section.read()

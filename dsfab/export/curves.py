@@ -18,14 +18,12 @@ from dsfab.surface import polyline_length
 
 KNOT_DIGITS = 4
 """Decimals of knots, which are millimetres along the polyline."""
-
 AT_ONCE = 5_000
 """Number of samples in one batch of lines, whose arrays fit into the processor's cache."""
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
 """Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
-
 Refined = tuple[Floats, Floats, int, float]
 """Knots, poles, degree, and the largest distance from the polyline."""
 
@@ -203,7 +201,6 @@ class _SplineSystem:
 
 SHARP = np.deg2rad(30.0)
 """An outline has a corner where it turns by more than this (radians)."""
-
 SPANS = 4
 """Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
 however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
@@ -322,12 +319,9 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3
 """Smallest tolerance of curves along exact lines (mm)."""
-
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
 long to fit."""
-
-
 REMEMBERED = 4096
 """Largest number of lines in the cache of curves. The next format of the same design reuses the curves."""
 

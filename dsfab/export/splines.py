@@ -225,10 +225,8 @@ class RowSpans:
 
 SAMPLES_PER_SPAN = 6
 """Smallest number of samples for each span of a curve; with fewer samples the curve oscillates between them."""
-
 AT_ONCE = 20_000
 """Number of samples in one batch of curves, whose arrays fit into the processor's cache."""
-
 Fitted = tuple[Spline, float]
 """A curve, and its largest distance from its samples."""
 
@@ -306,7 +304,6 @@ def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
 
 
 def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
-    """Return poles (s + 3 r, d) of the best cubics with fixed ends, and the distance of each sample (k,)."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first_hats, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())

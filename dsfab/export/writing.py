@@ -207,7 +207,6 @@ JOURNAL = ".journal.json"
 
 _HERE, _EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of renameat2(2)."""
-
 Outdated = Callable[[Path, Path], set[str]]
 """A function from the old and the new folder to the names of old files to remove."""
 
@@ -366,7 +365,6 @@ def _exchange(folder_a: Path, folder_b: Path) -> bool:
 
 
 def _outdated_files(target: Path, partial: Path) -> set[str]:
-    """Return unchanged files of the target's manifest that the new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
     fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)

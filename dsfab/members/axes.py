@@ -172,7 +172,6 @@ def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:
-    """Return the inner point, in a range of arc lengths, before and after which the line turns equally."""
     inner = np.flatnonzero((line.s[1:-1] >= begin) & (line.s[1:-1] <= end)) + 1
     if len(inner) < 2:
         return int(np.clip(np.searchsorted(line.s, (begin + end) / 2), 1, len(line.points) - 2))

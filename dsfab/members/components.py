@@ -44,7 +44,6 @@ def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> lis
 
 
 def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
-    """Return the stripes of a family between integer values of a phase, with the width of the pattern."""
     name, field, levels = pattern.names[k], pattern.fields[k], pattern.levels[k]
     if isinstance(field, CornerField):
         return DrawnBand(name, field, levels)

@@ -15,7 +15,6 @@ from dsfab.surface import Surface, link_components, require_compas
 if TYPE_CHECKING:
     import compas.datastructures
 
-
 EXACT = 2.0**-30
 """Smaller offsets (periods or metres) count as this value, with the sign at the edge's first end.
 Then a crossing on an edge is in exactly one of its two cells."""

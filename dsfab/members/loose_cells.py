@@ -68,7 +68,6 @@ def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]
 
 
 def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
-    """Return the areas of patches (count,), and the lengths of their outlines (count,)."""
     surface = overlay.sheet.surface
     inside = patch >= 0
     area = np.bincount(patch[inside], surface.areas[inside], count).astype(np.float64)
@@ -132,7 +131,6 @@ def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[Mi
 
 
 def _hidden_stretches(line: MiddleLine, width: Floats, own_width: float) -> list[tuple[int, int]]:
-    """Return first and last points of the hidden stretches of a line; gaps shorter than the line's width are closed."""
     edge = np.diff(np.concatenate([[False], width > 0, [False]]).astype(int))
     stretches = list[tuple[int, int]]()
     for first, last in zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True):
@@ -146,7 +144,6 @@ def _hidden_stretches(line: MiddleLine, width: Floats, own_width: float) -> list
 def _split_strip(
     overlay: Overlay, strip: Component, line: MiddleLine, gone: list[tuple[int, int]]
 ) -> tuple[list[Component], list[tuple[Ints, tuple[int, int]]]]:
-    """Return the remaining parts of a strip, and the cells of the removed parts with their first and last points."""
     if not gone:
         return [strip], []
     points = sorted({0, len(line.points) - 1, *(point for pair in gone for point in pair)})

@@ -302,7 +302,6 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")
 """Names of the families of stripes."""
-
 STRIPES_ACROSS = 12
 """Default number of evenly spaced stripes across a square surface."""
 

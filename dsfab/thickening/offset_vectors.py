@@ -52,7 +52,6 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
 
 VISIBILITY_GAP = 0.001
 """The search ends if the smallest cosine of a normal is within this share of the best possible cosine."""
-
 CHUNK = 1 << 13
 """Number of faces processed together, because they fit the processor's cache."""
 
@@ -92,7 +91,6 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
 
 
 def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
-    """Return True for vertices (n,) where a step towards the worst face may help."""
     lowest = np.full(surface.n, np.inf)
     for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
         np.minimum.at(lowest, corner, np.einsum("mi,mi->m", normal, point.take(corner, axis=0)))

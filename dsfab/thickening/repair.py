@@ -102,7 +102,6 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 
 
 def _averages(surface: Surface) -> csr_array:
-    """Return the matrix (n, n) of means over neighbours, along the boundary for boundary vertices."""
     i, j = smoothing_neighbours(surface.edges, surface.n)
     return csr_array((1 / np.bincount(i, minlength=surface.n)[i], (i, j)), shape=(surface.n,) * 2)
 
@@ -158,7 +157,6 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
 def _flip_diagonals(
     skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
 ) -> tuple[Bools, Ints]:
-    """Flip the diagonals of the walls in `pairs`, if this removes their intersections."""
     if not len(pairs):
         return backslash, pairs
     P = skin.vertices(V, D)
@@ -178,7 +176,6 @@ def _flip_diagonals(
 
 
 def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
-    """Return vertices (n,) farther from crossings of the sheet than twice its thickness."""
     reach = 4 * np.linalg.norm(D, axis=1).max()
     return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
 

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-
 Place = tuple[float, float, float]
 
 
@@ -290,7 +289,6 @@ def check_solid(solid: Solid) -> None:
 
 
 def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
-    """Return the sheet without unused vertices, and its offset vectors; raises SolidError for bad vectors."""
     D = np.asarray(D, dtype=np.float64)
     if D.shape != surface.V.shape:
         raise SolidError(f"offset vectors have shape {D.shape}; give one per vertex of the sheet: {surface.V.shape}")

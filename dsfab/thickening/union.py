@@ -91,7 +91,6 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
 
 THIN = 0.8
 """Factor on the offsets at faces that meet, in each round."""
-
 THINNEST = 0.3
 """Least share of the input offset after thinning."""
 
@@ -170,7 +169,6 @@ def _dual(surface: Surface) -> csr_array:
 
 
 def _stuck(face_pairs: Ints, around: Bools, label: Ints) -> Bools:
-    """Return True for pairs (k,) of faces of one patch around a common vertex, which no cut separates."""
     return np.asarray(around & (label[face_pairs[:, 0]] == label[face_pairs[:, 1]]))
 
 
@@ -251,7 +249,6 @@ def _outer_shells(V: Floats, F: Ints) -> int:
 
 
 def _crossing_count(surface: Surface, clashes: Ints, graph: csr_array) -> int:
-    """Return the number of clusters of clashing faces, connected over neighbours and across the crossings."""
     involved = np.unique(clashes)
     i, j = np.searchsorted(involved, clashes).T
     across = csr_array((np.ones(len(i)), (i, j)), shape=(len(involved),) * 2)

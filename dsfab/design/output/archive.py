@@ -111,10 +111,8 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 NAME = "design.npz"
 LAYOUT = 1
 """Version of the archive; dsfab does not read other versions."""
-
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
 """Sections of a preset that determine a design; `export` only determines the files."""
-
 MESH = "surface.ply"
 """File for a mesh from Python, metres, without rounding."""
 

@@ -171,7 +171,6 @@ def _with_turned(surface: Surface, turned: Bools) -> Surface:
 
 
 def _seam(surface: Surface) -> Bools:
-    """Return edges (e,) whose two faces disagree about their side."""
     h0, h1 = surface.edges.pairs.T
     start, is_seam = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
     is_seam[surface.edges.count == 2] = start[h0] == start[h1]
@@ -284,7 +283,6 @@ def step_options(options: Export) -> StepOptions:
 
 
 def _origin(design: Design) -> tuple[float, float, float]:
-    """Return the origin (m) of a mesh file with survey coordinates; 0 for procedural shapes."""
     surface = design.preset.surface
     return surface.origin if isinstance(surface, FileSurface) else (0.0, 0.0, 0.0)
 

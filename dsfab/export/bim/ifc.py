@@ -91,7 +91,6 @@ def roof(entities: StepEntities, place: Place, name: str, elements: list[int], n
 
 
 def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, float]) -> None:
-    """Add the model's position in the coordinates of a survey (m); the mesh file does not name the survey."""
     metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     survey = entities.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
     east, north, up = map(real, origin)

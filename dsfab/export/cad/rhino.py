@@ -43,7 +43,6 @@ COLOURS = {
 BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
 MESH = "sheet"
 """Name of the layer of the mesh."""
-
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
 """Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)

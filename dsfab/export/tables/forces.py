@@ -238,7 +238,6 @@ def _rows(along: "MemberForces") -> Iterator[list[Any]]:
 
 
 def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
-    """Yield for each member and each force the row with the largest magnitude, and its place."""
     for member, along in members.items():
         cases, tables = list(along.forces), np.stack(list(along.forces.values()))
         for column, name in enumerate(COLUMNS):
@@ -274,7 +273,6 @@ def _utilisation(part: Part) -> "Utilisation":
 
 
 def _checked_numbers(utilisation: "Utilisation", bay: int) -> list[float]:
-    """Return the utilisation of a bay, the six forces of the check that governs, and the utilisation by each check."""
     _, case, station = utilisation.governing(bay)
     forces = utilisation.bays.forces[case][bay, station]
     return [utilisation.largest[bay], *forces.tolist(), *utilisation.worst[bay].tolist()]

@@ -77,7 +77,6 @@ def beams_along(joints: AxisJoints) -> Beams:
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
-    """Return arc lengths and nodes along a member, in order; a closed member repeats its first node at the end."""
     axis = member.axis
     assert axis is not None
     stations = sorted(joints.on[member.id])
@@ -244,7 +243,6 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """Return the width (v,), m, of the patch of fully fixed faces around each vertex; 0 without such faces."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))

@@ -120,7 +120,6 @@ def _connect_parts(points: Floats, beams: Beams) -> Beams:
 def _with_supports(
     points: Floats, beams: Beams, names: list[str], supports: NodeSupports
 ) -> tuple[Floats, Beams, list[str], Bools, Floats]:
-    """Add a node on a link for each support beside the axes; also return fixed directions (n, 6) and springs (n, 6)."""
     count, apart = len(points), np.flatnonzero(supports.apart)
     where = supports.node.copy()
     where[apart] = count + np.arange(len(apart))

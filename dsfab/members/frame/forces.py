@@ -73,7 +73,6 @@ def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
 
 
 def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
-    """Return pairs of planes and rows of the cells that they cut. s : (c, 3) arc lengths of the corners of cells."""
     low, high = s.min(axis=1), s.max(axis=1)
     hits = np.zeros((len(lengths), len(s)), dtype=bool)
     for turn in (0.0,) if np.isinf(period) else (-period, 0.0, period):
@@ -129,7 +128,6 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
-    """Return the position in `edges.of` of the edge that begins at each corner (c, 2)."""
     ends = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
     edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
@@ -210,7 +208,6 @@ def forces_along(
 def _force_sums(
     cut: Sections, axes: Floats, section_forces: SectionForces, graph: MemberGraph, normals: Floats
 ) -> Floats:
-    """Return the components (k, 6) of force and moment along local axes (k, 3, 3)."""
     source, z = graph.source[cut.face], normals[cut.face]
     frame = section_forces.frame[source]
     v = np.einsum("cai,ci->ca", frame, cut.across)

@@ -164,7 +164,6 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:
-    """Return the incidence matrix (count, k) of edges and members, from the edges of each member."""
     columns = np.repeat(np.arange(len(edges)), [len(group) for group in edges])
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, len(edges)))
@@ -178,7 +177,6 @@ def _join_to(
     what: str,
     trees: Trees,
 ) -> None:
-    """Join an end (member, arc length, width) to its neighbours, unless a node or a link joins them already."""
     member, s, width = end
     for neighbour in neighbours:
         own_nodes = {number for along, number in joints.on[member.id] if abs(along - s) < width}
@@ -228,7 +226,6 @@ def _point(member: Member, s: float) -> Floats:
 
 
 def _samples(member: Member) -> tuple[Floats, Floats]:
-    """Return arc lengths (k,) and points (k, 3) along a member, a quarter of its width apart."""
     assert member.axis is not None
     count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
     s = np.linspace(0, member.length, count + 1)

@@ -15,7 +15,6 @@ from dsfab.statics import Equilibrium
 
 Combinations = Mapping[str, Mapping[str, float]]
 """Factors of cases by the names of combinations."""
-
 SHEAR = 5 / 6
 """Shear area of a rectangle over its area [Timoshenko 1921]."""
 
@@ -229,7 +228,6 @@ def _stiffness_matrix(frame: Frame, k: Floats) -> csr_array:
 
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
-    """Return a function from loads to displacements, both (6 n,)."""
     inside = csc_array(csr_array(K + diags_array(frame.spring.ravel()))[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
     try:

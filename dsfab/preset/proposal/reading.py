@@ -263,7 +263,6 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _alternative_units(surface: Surface, unit: str) -> str:
-    """Return the sizes in several units, if the guessed unit gives an unusual size and another a usual one."""
     sides = np.ptp(surface.V, axis=0).tolist()
     alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
     return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""

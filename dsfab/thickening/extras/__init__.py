@@ -17,7 +17,6 @@ from dsfab.thickening.solid import Solid, check_solid
 if TYPE_CHECKING:
     import manifold3d
 
-
 Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 

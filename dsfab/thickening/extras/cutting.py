@@ -108,7 +108,6 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        """Return a hole at the widest place of each part of the cut faces across an axis, if a dowel fits there."""
         turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # z is now the axis or its opposite
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
@@ -123,7 +122,6 @@ class SplitBodies:
 
 
 def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manifold3d.CrossSection"]:
-    """Return the connected parts of a region in each cell of a grid with lines at u and at v."""
     import manifold3d
 
     regions = []

@@ -82,7 +82,6 @@ class Ring:
 
 
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
-    """Return the bar along a loop (k,) of vertices, mitred at its corners; raises SolidError if it crosses itself."""
     import manifold3d
 
     V, F = closed_bar(*_bend_points(surface, loop), width, height)

@@ -191,7 +191,6 @@ def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, er
 
 
 def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Ints]]:
-    """Return pairs of an accepted box and a half-edge on the rim of its block, with its face inside the block."""
     pairs = uncut.edges.pairs
     h, g = np.concatenate([pairs, pairs[:, ::-1]]).T
     box_here, beyond = boxes.of[h // 3], boxes.of[g // 3]
