@@ -103,8 +103,7 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 @dataclass(frozen=True, eq=False)
 class Steering:
     """Changes of stripe directions by the user: rotation from the stress (radians), guides, the symmetry that remains,
-    and a
-    note for the user, or ''."""
+    and a note for the user, or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]

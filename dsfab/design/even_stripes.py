@@ -139,8 +139,7 @@ def _directions(
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
     The search for crossings of the two stresses precedes smoothing. Across a crossing the direction of the larger
-    stress
-    turns by a right angle. Smoothed directions in between would be meaningless, with singular points along the
+    stress turns by a right angle. Smoothed directions in between would be meaningless, with singular points along the
     crossing."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
@@ -212,8 +211,7 @@ class FamilyCourse:
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, on average `spacing` (m) apart.
         Of two phases that differ by half a period, the chosen phase puts lines where stressed places move. Supported
-        places
-        are stiff without a line."""
+        places are stiff without a line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
@@ -338,8 +336,7 @@ def _redrawn_lines(
 ) -> "_DividedFamilies":
     """Return both families of lines, redrawn if the mean spacing (m) of the remaining lines is off by over 5 %.
     A family with all or no lines halved may miss any spacing by half. A family that is still off by 30 % is drawn
-    without
-    halving."""
+    without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -394,8 +391,7 @@ def _digits(length: float) -> str:
 class _DividedFamilies:
     """Both families after lines end in crowded places; density : (n, 2) remaining lines per metre of each family.
     The density is the mean over all symmetric images of a point, because widths depend on it, and faces of a mesh are
-    less
-    symmetric than vertices."""
+    less symmetric than vertices."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

@@ -18,9 +18,8 @@ from dsfab.slicing.finishing.finish import (
 from dsfab.surface import Surface
 
 SPECK = 0.15
-"""Smallest opening between evenly spaced stripes, as a share of their spacing: smaller openings, remainders at the
-edge of
-the surface, become material."""
+"""Smallest opening between evenly spaced stripes, as a share of their spacing: smaller openings, remainders at the edge
+of the surface, become material."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:

@@ -24,8 +24,7 @@ class _LatestLayers(NamedTuple):
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
     """Return the layers that are material independent of the stripes.
     With symmetric stripes, patches around supports and loads are united with their images, because their edges are
-    ragged
-    by up to one mesh edge. The user's regions stay unchanged."""
+    ragged by up to one mesh edge. The user's regions stay unchanged."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -103,8 +102,7 @@ def corrected_pattern(
     nearest_share : returns the share near a target that the latest stripes keep.
     added_share   : returns the share that finishing adds.
     bridged_share : returns the share that bridges add to the latest stripes. It takes long and is mostly 0, so it runs
-                    once
-                    after the search without bridges, and in each further trial only if it was not 0.
+                    once after the search without bridges, and in each further trial only if it was not 0.
 
     The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
     openings close; then the search bisects between two trials, below and above the requested share."""

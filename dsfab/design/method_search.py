@@ -229,8 +229,7 @@ def _exchangeable(width: Width) -> bool:
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
     One of them is a gentle grading, by half the power q. Bars without bending are stiffest if as wide as their force,
-    but
-    members with little force still carry their own weight and brace other members."""
+    but members with little force still carry their own weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q

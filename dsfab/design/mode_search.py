@@ -251,8 +251,7 @@ class StressedTrial(Trial):
 
 START = (0.25, 0.0, 0.5, 0.75)
 """Phases of the first round if the search chooses both modes. Both families have the same phase. All four are tried
-with a
-mode 1, else only the first.
+with a mode 1, else only the first.
 A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
 phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))

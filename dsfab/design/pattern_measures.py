@@ -193,11 +193,10 @@ def _asymmetric_share(
 
     surface  : the uncut surface; rotations and mirrors are about its centroid.
     faces    : the chart or the cells. Each sample point stands for the same area; points are spread evenly in the
-               faces,
-               so that no row of points lies along the edge of a member.
+               faces, so that no row of points lies along the edge of a member.
     material : returns True for each of the points (p, 3) whose nearest place is material, (p,).
-    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of
-               .55 %."""
+    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of .55
+               %."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)

@@ -93,8 +93,7 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
     """Return angles between principal directions of stresses (m, 3, 3), degrees: a mean, and the 95 % quantile by area.
     The mean is weighted by area and by the difference of the principal stresses `before`. The quantile refers to the
-    area
-    with clear directions."""
+    area with clear directions."""
     (stress, directions_before), (_, directions_after) = (
         principal_stresses(surface, sigma) for sigma in (before, after)
     )

@@ -221,9 +221,8 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
-    corner : (k,) True at vertices between two curves; the function adds sharp turns. A loop with at most one corner
-             has one
-             smooth curve, which is split in two.
+    corner : (k,) True at vertices between two curves; the function adds sharp turns. A loop with at most one corner has
+             one smooth curve, which is split in two.
     Returns None if a spline misses the tolerance."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:

@@ -190,12 +190,9 @@ def write(
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
     Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (for a sheet
-    the
-    same area) within 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an
-    older
-    file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines, a
-    shape
-    that the format cannot contain, too many faces for STEP, no permission or space, and a file that reads back
+    the same area) within 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an
+    older file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
+    a shape that the format cannot contain, too many faces for STEP, no permission or space, and a file that reads back
     different."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)

@@ -214,8 +214,7 @@ class Part:
     curved     : returns the sheet for smooth STEP; None if only the solid is known.
     cut        : True to try one cut of a smooth file with OCCT, unless the cut takes long.
     hurry      : limit of the effort for smooth STEP if the user did not choose the route, otherwise 0. It limits the
-                 number
-                 of layouts, the walls (as a multiple of a quick number), and the faces by members."""
+                 number of layouts, the walls (as a multiple of a quick number), and the faces by members."""
 
     V: Floats
     F: Ints
@@ -276,8 +275,7 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
     Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` names the rounding in
-    the
-    message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face."""
+    the message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):

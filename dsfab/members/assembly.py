@@ -26,11 +26,9 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
     """Return the order (k,) for naming members on a structure of a size (m), from their centroids (k, 3) and lengths
     (k,), m.
 
-    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the
-    direction of
-    their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
-    member
-    with the smaller x, y, z."""
+    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
+    of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
+    member with the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -131,9 +129,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals
-    have an
-    error of first order where edges differ in length, and members would twist by this error."""
+    The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals have
+    an error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

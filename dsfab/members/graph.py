@@ -374,8 +374,7 @@ def _angle(a: Floats, b: Floats) -> float:
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
     """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that continues
-    the end,
-    "edge" of the surface, or "free".
+    the end, "edge" of the surface, or "free".
     owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}

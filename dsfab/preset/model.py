@@ -69,8 +69,7 @@ class Statics(Section):
     accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
-    its
-    middle surface has no stress, and the stress of its lower side replaces it. layers: stress of all layers, with
+    its middle surface has no stress, and the stress of its lower side replaces it. layers: stress of all layers, with
     bending.
     auto: layers where bending stores at least half of the energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
@@ -81,8 +80,7 @@ class Statics(Section):
     """Number of buckling load factors of the uncut sheet to compute."""
     check: bool = True
     """Refuse a doubtful sheet before the cut: a sheet that moves by over a tenth of its span, stands on one vertex, or
-    has a
-    support or load at a point far off the surface. false: only report the doubt."""
+    has a support or load at a point far off the surface. false: only report the doubt."""
 
     _named = model_validator(mode="before")(with_material)
 
@@ -247,9 +245,8 @@ class Width(Section):
 
     rule: Rule = "plain"
     """plain: widths follow the thresholds (the paper); constant: equal widths in metres; graded: widths follow the
-    stress;
-    stressed: graded, then cut, solved and widened repeatedly where the energy is largest: the stiffest and slowest
-    rule."""
+    stress; stressed: graded, then cut, solved and widened repeatedly where the energy is largest: the stiffest and
+    slowest rule."""
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
@@ -259,9 +256,8 @@ class Width(Section):
     """Number of cuts and solutions for rule stressed."""
     min_width: LeastWidth = AUTO
     """Least width of members, metres. 0: no limit. auto, evenly spaced members of graded width: the thickness, or half
-    of the
-    constant width if that is less. auto, stressed width: the same, but half of the thickness with pattern.workshop.
-    auto, all other rules: no limit."""
+    of the constant width if that is less. auto, stressed width: the same, but half of the thickness with
+    pattern.workshop. auto, all other rules: no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
     """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
@@ -310,11 +306,10 @@ class Pattern(Section):
     """[pattern]: the two families of stripes, and parts that stay material."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress;
-    auto: the
-    stiffest without dead ends and slits. auto compares both methods, with and without halving. If the preset asks for
-    constant or graded widths, it compares both, and q and half of q. For stressed widths it compares the best design of
-    each method. If the preset sets no spacing, it also compares several."""
+    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress; auto:
+    the stiffest without dead ends and slits. auto compares both methods, with and without halving. If the preset asks
+    for constant or graded widths, it compares both, and q and half of q. For stressed widths it compares the best
+    design of each method. If the preset sets no spacing, it also compares several."""
     halve: bool = True
     """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
@@ -324,13 +319,11 @@ class Pattern(Section):
     """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
     """For stripes: angle of both families to the stress, degrees, counter-clockwise seen from the side of the normals
-    (from
-    outside for a closed surface); 90 swaps the families."""
+    (from outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
-    stiffest
-    sheet of varying thickness with the same material (solid_fraction). It is stiffer in a plane, at edges and openings.
-    """
+    stiffest sheet of varying thickness with the same material (solid_fraction). It is stiffer in a plane, at edges and
+    openings."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
     """For stripes: number of further searches for directions, with the weight of the stripes where it is most of the
     load.
@@ -344,8 +337,7 @@ class Pattern(Section):
     width: Width = Width()
     tidy: bool | None = None
     """Remove stripes that end freely or turn back, as far as their last crossing, and fill openings narrower than the
-    members
-    beside them. Default: true for stripes of both families, false on modes (the paper)."""
+    members beside them. Default: true for stripes of both families, false on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -442,10 +434,8 @@ class Slicing(Section):
     """Treatment of material that would meet in a single point: join it by a small disc, or split it."""
     min_opening: Annotated[float, Ge(0)] | None = None
     """Smallest size of openings, metres; smaller ones are filled. 0: none are filled. Default on modes: 0. Default
-    between
-    evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of the
-    usual
-    size are filled, too."""
+    between evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of
+    the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
     """Least width of openings with pattern.workshop, metres. Members bridge narrower openings; narrower tips are
     filled.
@@ -453,10 +443,9 @@ class Slicing(Section):
     """
     min_member: Annotated[float, Ge(0)] | None = None
     """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop it applies to
-    all
-    members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
-    applies to
-    tidied stripes between openings with round corners, where they are also narrower than 0.8 of the usual width."""
+    all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
+    applies to tidied stripes between openings with round corners, where they are also narrower than 0.8 of the usual
+    width."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -489,8 +478,7 @@ class Fabrication(Section):
     """Least thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
     """Write files in spite of loads without a path to a support, of a sheet that is very thin where it would meet
-    itself, and
-    of members and openings less than 1 mm below their limit."""
+    itself, and of members and openings less than 1 mm below their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
     """Size of the machine along x, y, z, metres; the solid may lie on any side."""
 

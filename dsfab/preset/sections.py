@@ -18,10 +18,9 @@ class Workshop(Section):
 
     route: Route = "auto"
     """strips: members flat in the surface, in bolted layers; planks: members upright on the surface, halved at
-    crossings;
-    bars: straight from node to node, on folded plates; panels: a model in one skin with tabs; sheet: a flat design in
-    pieces of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if these stay
-    near the surface, else planks if they can be bent and assembled."""
+    crossings; bars: straight from node to node, on folded plates; panels: a model in one skin with tabs; sheet: a flat
+    design in pieces of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if
+    these stay near the surface, else planks if they can be bent and assembled."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
@@ -47,14 +46,12 @@ class Workshop(Section):
     """True if the grain runs along the sheets; members then lie along the grain and never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
     """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheet. The solver
-    takes
-    minutes and needs: pip install "dsfab[nesting]"."""
+    takes minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50, and all lengths of this section are lengths of the model. 0: full size."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
-    glued
-    bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
+    glued bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -107,8 +104,7 @@ class Eurocode(Section):
     """Buckling length over the distance between nodes along the member."""
     bent_in: bool = False
     """Timber: members are straight layers bent into shape, of `workshop.thickness`, or of the thickness in [statics]
-    over
-    `workshop.layers`; the check adds the bending stress."""
+    over `workshop.layers`; the check adds the bending stress."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield cases without a load, as 'key = value: allowed values'."""

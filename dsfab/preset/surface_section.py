@@ -84,8 +84,7 @@ class SurfaceSection(Section):
     """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
     """Round the facets: with `refine` by Loop subdivision; with `edge` the new vertices lie on the smooth surface
-    through the
-    old vertices. Boundaries and creases stay."""
+    through the old vertices. Boundaries and creases stay."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
@@ -121,9 +120,8 @@ class OwnSurface(SurfaceSection):
     finest: Annotated[float, Ge(0)] = 0.0
     """Least edge length, metres; needs `edge`. Edges are shorter where `finest_at` says. 0: all have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if
-    it varies
-    along an edge by a quarter of its root mean square, in statics on even triangles."""
+    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
+    varies along an edge by a quarter of its root mean square, in statics on even triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -157,8 +155,7 @@ class FileSurface(OwnSurface):
 
     file: Path
     """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP file. A relative path starts at the preset's folder,
-    in
-    Python at the current folder."""
+    in Python at the current folder."""
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
@@ -168,8 +165,7 @@ class FileSurface(OwnSurface):
     """Point of the file that becomes the design's origin, metres, with z up; for a survey's coordinates."""
     mend: bool = False
     """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and
-    straighten
-    ragged edges."""
+    straighten ragged edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces smaller than a twentieth of the
     largest, fill holes with an outline under 15 % of the largest side, turn all faces to the same side."""

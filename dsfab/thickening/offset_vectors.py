@@ -60,12 +60,10 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     """Return unit normals (n, 3) whose smallest cosine to the faces around each vertex is within 5 % of the largest
     possible.
 
-    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals
-    [Gilbert 1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best
-    cosine.
+    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
+    1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine.
     The search starts from the mean weighted by the corner angles (m, 3). If no direction sees all faces, it returns
-    this
-    mean.
+    this mean.
 
     faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)

@@ -53,8 +53,7 @@ def flatten_contacts(
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
     Faces that meet become thinner, to a film if necessary. An offset nearly parallel to a face around its vertex cannot
     become better by shortening: then vertex and offset move half of the way to the mean of the neighbours. The result
-    is
-    the best state of all rounds."""
+    is the best state of all rounds."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
     result = V, D, pairs

@@ -33,12 +33,10 @@ class Repairs:
     """Numbers of the repair of a solid.
 
     rung     : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
-               sheet
-               that crosses itself).
+               sheet that crosses itself).
     found    : pairs of faces that intersected before the repair.
     thinned  : vertices where the sheet was thinned because it met itself, `thinnest` the smallest remaining share of
-               the
-               thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
+               the thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
     crossings : number of lines along which the sheet crosses itself and its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
@@ -212,13 +210,11 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
     Each wall gets its shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins
-    locally,
-    down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs` report
-    the
-    changes and the remaining intersections. The test uses vertices rounded to single precision in millimetres, as in
-    STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses exact vertices. The
-    solid
-    itself stays exact if it passes the same test: then triangles of one plane are one face of a STEP file.
+    locally, down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs`
+    report the changes and the remaining intersections. The test uses vertices rounded to single precision in
+    millimetres, as in STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses
+    exact vertices. The solid itself stays exact if it passes the same test: then triangles of one plane are one face of
+    a STEP file.
     Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)

@@ -22,8 +22,7 @@ INWARD = 0.005
 @dataclass(frozen=True, eq=False)
 class Overlap:
     """A part of the sheet: its faces (m,) with adjacent faces of its neighbours, the sheet's vertices (n, 3), and the
-    share of
-    the offset at each vertex (n,)."""
+    share of the offset at each vertex (n,)."""
 
     faces: Bools
     V: Floats

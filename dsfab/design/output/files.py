@@ -204,8 +204,7 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
     The part is the solid for formats of meshes, and for formats with both solid and lines. It is the sheet for formats
-    of
-    lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields."""
+    of lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}

@@ -88,8 +88,7 @@ _TITLE = "title of the drawing"
 
 class _Frame(NamedTuple):
     """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
-    handle
-    of the space that contains the entities."""
+    handle of the space that contains the entities."""
 
     before: str
     after: str

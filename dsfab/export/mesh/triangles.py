@@ -30,8 +30,7 @@ def prepare_stl(part: Part) -> Part:
 def encode_stl(part: Part) -> Iterator[bytes]:
     """Yield the header, the number of triangles, then 50 bytes for each triangle.
     The header must not begin with "solid", because readers recognise the text variant by this word. It ends with a
-    zero,
-    because admesh prints it as a C string."""
+    zero, because admesh prints it as a C string."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])

@@ -52,9 +52,8 @@ def steel_checks(
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
     The shear stress is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of
-    its
-    plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32) in
-    (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
+    its plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32)
+    in (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)

@@ -144,9 +144,8 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material.
 
     Free ends join all such members; all other ends join members that also end there. So the arms of a star stay
-    connected,
-    even across a few faces without an axis. The members must lie within the end's width. Ends with a node stay
-    unchanged:
+    connected, even across a few faces without an axis. The members must lie within the end's width. Ends with a node
+    stay unchanged:
     links between them would make the preset `cantilever` 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
@@ -234,10 +233,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
-    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the
-    0.217 of
-    a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
-    1959, 19]."""
+    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the 0.217
+    of a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko,
+    Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

@@ -40,8 +40,7 @@ def mast_corners(P: Floats, arm: float, height: float) -> Ints:
 
     The sheet's edge needs three corners or more. Between two corners it bends inwards in plan. It also hangs below the
     straight line between the corners, or follows this line from a high corner to a low one. In contrast, the edge of a
-    roof
-    that stands on its corners rises from the corners; a saddle's edge is straight in plan.
+    roof that stands on its corners rises from the corners; a saddle's edge is straight in plan.
 
     P      : (n, 3) points of the edge, a closed line, metres.
     arm    : distance (m) along the edge over which a corner's directions are measured.

@@ -53,8 +53,7 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
     Three criteria judge an open surface: its area in plan, its boundary at the bottom minus that at the top, and its
     stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
     have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on
-    the
-    ground with a long edge, its axis is z, or y for programs with y up."""
+    the ground with a long edge, its axis is z, or y for programs with y up."""
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):

@@ -102,8 +102,7 @@ Three = tuple[Floats, Floats, Floats]
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
     """Return the cells (m',) with prisms that may be folded, the least cosine (k,) between skins and axis in each box,
-    and the
-    reach (m',), m, of each prism from its middle."""
+    and the reach (m',), m, of each prism from its middle."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
