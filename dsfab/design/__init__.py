@@ -1,5 +1,4 @@
-"""Stages of a design in their order: `run` computes a preset; `revise` repeats a design from its first changed
-section."""
+"""Stages of a design: `run` computes a preset; `revise` repeats a design from its first changed section."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design
@@ -32,7 +31,6 @@ def revise(design: Design, preset: Preset, progress: Progress | None = None) -> 
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, without a cut; reuse the stages of `earlier` before the first section that
-    differs.
+    """Run the stages up to the pattern, without a cut; reuse stages of `earlier` before the first section that differs.
     Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

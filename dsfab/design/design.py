@@ -169,8 +169,7 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with rough statics and its own log, for a sketch before the more accurate elements are
-        solved.
+        """Return a design with rough statics and its own log, for a sketch before accurate elements are solved.
         None if the accurate statics exist already, or if rough statics save no time."""
         if self.has("statics"):
             return None
@@ -194,8 +193,7 @@ class Design:
         modes   : False to skip modes that evenly spaced stripes do not use.
         answers : True for the stress and energy of the design, False for rough values.
 
-        None if the approximate count of material cannot give the widths; then `pattern` raises an error with the
-        reason.
+        None if the approximate count of material cannot give the widths; then `pattern` raises the reason.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics

@@ -61,8 +61,7 @@ class FamilyLines:
 class StripeDirections:
     """Directions and constraints of both families.
 
-    given      : directions of the principal stresses.    along : (n, 3) directions of the major stripes at the
-                 vertices.
+    given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
     confidence : (m,) clarity of the directions on each face, 0 to 1.
     moved      : (n,) displacement of the vertices under the followed loads, in any unit.
     members    : curves of guides that become members."""
@@ -134,12 +133,12 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and the vertices (n,) with exchanged
+    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and vertices (n,) with exchanged
     families.
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
     The search for crossings of the two stresses precedes smoothing. Across a crossing the direction of the larger
-    stress turns by a right angle. Smoothed directions in between would be meaningless, with singular points along the
+    stress turns by a right angle. Smoothed directions in between would be meaningless, with singular points along
     crossing."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
@@ -270,7 +269,7 @@ def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
     """Return statics in which stresses of the stiffest sheet of varying thickness replace the followed stresses.
-    Each stress is scaled by its local thickness over the constant thickness. Raises PatternError if the pattern follows
+    Each stress is scaled by its local over the constant thickness. Raises PatternError if the pattern follows
     bending."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
@@ -335,7 +334,7 @@ def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
     """Return both families of lines, redrawn if the mean spacing (m) of the remaining lines is off by over 5 %.
-    A family with all or no lines halved may miss any spacing by half. A family that is still off by 30 % is drawn
+    A family with all or no lines halved may miss any spacing by half. A family still off by 30 % is drawn
     without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]

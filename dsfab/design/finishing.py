@@ -139,7 +139,7 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def kept_to_least_widths(
     preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
 ) -> Sheet:
-    """Return the cells of a cut surface, with material added in narrow places as far as possible; note the number of
+    """Return the cells of a cut surface, with material added in narrow places where possible; note the number of
     changes.
     Filled strips leave slivers with edges of a micrometre, where quadrature and sparse solvers lose digits. So cells
     are flipped and collapsed within the faces of the surface; the edges of the material do not move.

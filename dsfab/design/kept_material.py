@@ -95,7 +95,7 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that keep the requested share after finishing (round corners, filled openings), and the share
+    """Return stripes that keep the requested share after finishing (round corners, filled openings), and that share
     reached.
 
     draw_pattern  : draws stripes, for an added share and an estimate of their factor (0 for none).

@@ -90,8 +90,7 @@ PERMANENT = {"self_weight", "cladding"}
 
 class ActionCase(NamedTuple):
     """Loads of one case that belong to one kind of action.
-    case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on the uncut
-           surface."""
+    case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on uncut surface."""
 
     case: str
     action: str

@@ -1,5 +1,4 @@
-"""Search for a pattern method: modes or even stripes with several width rules, forces and spacings, cut and
-compared."""
+"""Search for a pattern method: modes or even stripes with width rules, forces and spacings, cut and compared."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -30,10 +29,8 @@ class MethodCandidate:
 
     preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
-    grading : (n, f) half-width of each vertex and family over the largest, for the rule `stressed`; None for other
-              rules.
-    notes   : notes for the design.                    drawn   : the finished stripes, if they were drawn as for
-              building."""
+    grading : (n, f) half-width of each vertex and family over the largest, for the rule `stressed`; else None.
+    notes   : notes for the design.                    drawn   : finished stripes, if drawn as for building."""
 
     preset: Preset
     attempt: Attempt
@@ -49,7 +46,7 @@ def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may exchange rules.
-    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, and 1.3 to
+    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, 1.3 to
     3.9 times by other rules."""
     if not _exchangeable(preset.pattern.width):
         return
@@ -77,7 +74,7 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-    The gain is large if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
+    The gain is large if forces differ from those of the uncut sheet: a plate with a hole has .87 times the
     compliance."""
     options = preset.pattern
     usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
@@ -132,7 +129,7 @@ def respaced_candidates(
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
     """Return families with open spacings, scaled by `factor` and rounded to two digits, and a text with these spacings.
-    A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one edge
+    A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one
     each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
@@ -240,7 +237,7 @@ def _width_variants(width: Width) -> dict[str, Width]:
 NEAR_BEST = 0.1
 """Candidates whose compliance exceeds the best by less than this share are measured again, by more accurate elements.
 Trials round no corners, so that their solid fraction is off by up to 8 %. On a bracket, modes were 3 %
-worse than stripes in their trial, and 28 % better as built. The quick elements of trials are up to 26 % too stiff for
+worse than stripes in their trial, and 28 % better as built. Elements of trials are up to 26 % too stiff for
 members one triangle wide."""
 
 

@@ -18,8 +18,7 @@ from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """The material that carries loads on the covering of each face (m,) of an uncut surface, such as glass on a
-    gridshell.
+    """Material that carries loads on the covering of faces (m,) of an uncut surface, such as glass on a gridshell.
     to      : (m,) the face that carries the covering of each face: the face itself if it has material; -1 without any.
     area    : (m,) area of material in each face, m2.    place : (m, 3) centre of that material, metres.
     opening : (m,) number of the opening that a face belongs to, -1 for faces that carry."""
@@ -105,8 +104,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """Return forces (k, 3), N, at places (k, 3), without resultant, that give each group (k,) its moment (g, 3), N m.
-    They act like a group of bolts with areas `weight` (k,). If all places of a group lie on a line, the group takes no
-    moment about this line."""
+    They act like a group of bolts with areas `weight` (k,). A group along a line takes no moment about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -177,8 +175,7 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-    Springs have the stiffness of the vertices that remain on the sheet. Edges inside a clamped edge of the uncut
-    surface are clamped.
+    Springs have the stiffness of the remaining vertices. Edges inside a clamped edge of the uncut surface are clamped.
     Raises StaticsError if no supported vertex remains."""
     sheet_vertex = sheet.same_vertex()
     fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))

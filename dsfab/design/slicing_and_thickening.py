@@ -197,8 +197,7 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Thicken the sheet: stage 6. The offsets are those of the uncut surface, whose normals are smooth, carried
-    through the cut.
+    """Thicken the sheet: stage 6. Offsets are those of the uncut surface, with smooth normals, carried through the cut.
     Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):

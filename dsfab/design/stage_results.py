@@ -14,12 +14,11 @@ RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
 class StageResults:
     """The results of one design by name, each computed once.
 
-    results : results of the stages. They stay as long as the design; a revision shares those before its first
-              difference.
+    results : results of the stages. They stay with the design; a revision shares those before its first difference.
     derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
               omits them, because another process can compute them again.
-    inputs  : large intermediate results for one later stage, with that stage. The stage drops them when it has
-              its result; revisions and pickled designs omit them."""
+    inputs  : large intermediate results for one later stage, with that stage. The stage drops them when it has its
+              result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)

@@ -174,8 +174,7 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 def least_width(preset: Preset, surface: Surface) -> float:
     """Return the default least width (m) of evenly spaced members of varying width.
     Graded members are at least as wide as the sheet is thick; stressed members at least as wide as a workshop can make.
-    Without this limit slicing would widen each of them slowly, and take the added material from members with more
-    force."""
+    Without this limit slicing would widen each of them slowly, and take the material from members with more force."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -239,8 +238,7 @@ def _layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers with a requested share, and their factor; the given factor, an estimate, decides which openings
-    close.
+    """Return layers with a requested share, and their factor; the given factor decides which openings close.
 
     solve : solves for the factor over the given one, like `solved_factor`, from a function that returns the share.
 
@@ -290,8 +288,7 @@ def drawable_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
-    """Return the families of stripes; major stripes run along the first principal stress, minor stripes along the
-    second.
+    """Return the families of stripes; major stripes along the first principal stress, minor stripes along the second.
 
     radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.

@@ -50,7 +50,7 @@ class SolvedSheet:
     plane     : True if the sheet was solved in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : makes the factor, and caches it for repeated use.
-    answers   : equilibrium under each loading.    sigma : (m, 3, 3) stress of the middle surface (Pa), for each
+    answers   : equilibrium under each loading.    sigma : (m, 3, 3) stress of the middle surface (Pa) for each
                 loading."""
 
     acting: Sequence[Loading]

@@ -144,10 +144,9 @@ class _SplineSystem:
         return values, np.repeat(span + self.first_pole[row], counts)
 
     def poles(self) -> Floats:
-        """Return the poles (n, d) of the least-squares cubic splines, which begin and end at the first and last
-        samples.
-        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is
-        the last - b d, with a and b a third of the first and the last span."""
+        """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
+        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is the last - b
+        d, with a and b a third of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -319,7 +318,7 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 CLOSEST = 1e-3
 """Smallest tolerance of curves along exact lines (mm)."""
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
+"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline points, and takes
 long to fit."""
 REMEMBERED = 4096
 """Largest number of lines in the cache of curves. The next format of the same design reuses the curves."""
@@ -337,7 +336,7 @@ def chains(part: Part) -> list[list[Curve]]:
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """Fit curves to a polyline (k, 3) within `tolerance` (mm); they begin and end at its sharp turns.
-    A closed line without corners becomes one smooth curve. The result has the polyline's own segments where no spline
+    A closed line without corners becomes one smooth curve. It has the polyline's own segments where no spline
     meets the tolerance."""
     return all_curves_along([points], tolerance)[0]
 

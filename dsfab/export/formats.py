@@ -181,8 +181,7 @@ def write(
 ) -> Path:
     """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
 
-    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires) and contain the unit if
-              possible.
+    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires), with the unit if possible.
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
     details : lines, fields and facts, for the formats that contain them.
@@ -192,7 +191,7 @@ def write(
     Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (for a sheet
     the same area) within 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an
     older file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
-    a shape that the format cannot contain, too many faces for STEP, no permission or space, and a file that reads back
+    a shape that the format cannot contain, too many faces for STEP, no permission or space, a file that reads back
     different."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)

@@ -155,7 +155,7 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
     """Compare meshes by name, V (n, 3) in millimetres and F (m, 3), with the part's members.
-    Each mesh must be closed, and have the member's number of triangles, its place, and its volume within 0.1 %; else
+    Each mesh must be closed, with the member's number of triangles, its place, and its volume within 0.1 %; else
     ExportError."""
     shapes = part.details.shapes
     if [shape.id for shape in shapes] != list(meshes_read):

@@ -59,7 +59,7 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of the cubic basis functions at x (k,) in spans from knots[span], and shares (3, k) [de
+    """Return values (4, k) of cubic basis functions at x (k,) in spans from knots[span], and shares (3, k) [de
     Boor 1978].
     A basis function r of a degree combines functions r and r - 1 of the degree below; the shares are the factors."""
     past = x - knots[span - np.arange(3)[:, None]]

@@ -78,8 +78,7 @@ def last_line(program: str, *arguments: str, seconds: float) -> str:
 
 class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
-    The program reads its arguments as one line of JSON, a list of strings. The end of the `with` block ends the
-    program."""
+    The program reads its arguments as one line of JSON, a list of strings. The `with` block ends the program."""
 
     def __init__(self, program: str) -> None:
         self._run = _start(program, stdin=subprocess.PIPE)

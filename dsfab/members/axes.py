@@ -71,8 +71,7 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the lines, the longest first, on which the offset (m, 3) of field k at corners of cells is 0, for each
-    stripe.
+    """Return the lines, the longest first, on which the offset (m, 3) of field k at cell corners is 0, for each stripe.
     normals : (n, 3) unit normals at the vertices of the overlay.
     An offset is never exactly 0. Its signs at an edge agree in both cells, or both are opposite."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
@@ -195,8 +194,7 @@ KNOTS, COARSE = 4.0, 2.0
 
 @dataclass(frozen=True, eq=False)
 class MemberAxis:
-    """Stations along a curve on a surface; all lengths in metres, all curvatures per metre. Index k counts the
-    stations.
+    """Stations along a curve on a surface; lengths in metres, curvatures per metre. Index k counts the stations.
 
     s : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.

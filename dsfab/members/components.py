@@ -111,7 +111,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes. A cell at a crossing is in several components, a cell of a sliver may be
+    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be
     in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
@@ -152,7 +152,7 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
     """Return True for connected cells (c,) beside the middle of their band that are shorter than the band's width.
-    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
+    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; their axis is
     meaningless."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():

@@ -22,8 +22,7 @@ Then a crossing on an edge is in exactly one of its two cells."""
 
 class SharedPatch(NamedTuple):
     """Connected cells (c,) that members a and b share.
-    points : (k, 3) crossings of the members' middle lines in these cells, metres.    at : (k,) the cell of each
-             crossing."""
+    points : (k, 3) crossings of the middle lines in these cells, metres.    at : (k,) the cell of each crossing."""
 
     a: int
     b: int
@@ -108,7 +107,7 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return the ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), the lower vertex number first, and
+    """Return the ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), lower vertex number first, and
     shares (q, 2).
     At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares."""
     row = np.arange(len(F))[:, None]
@@ -197,8 +196,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet  : the kept sheet, its cells also divided along the edges of hidden members. Every cell is in at least one
-             member.
+    sheet  : the kept sheet, its cells also divided along edges of hidden members. Each cell is in at least one member.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet

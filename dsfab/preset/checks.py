@@ -102,8 +102,7 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes, False for the stress of one case or
-    combination."""
+    """Return True if the pattern follows a sum of stress magnitudes, not the stress of one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
@@ -111,8 +110,7 @@ def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
     """Return the weight of each case or combination whose stress the pattern follows, by its name.
-    The default weight is 1; the result omits names with weight 0. See `combined_names` for a pattern that follows a
-    sum."""
+    The default weight is 1; the result omits names with weight 0. See `combined_names` for a sum."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)

@@ -66,8 +66,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Convert 'pattern.major.frequency=12' to (key, 12); the value is TOML, else text. Raises PresetError without
-    '='."""
+    """Convert 'pattern.major.frequency=12' to (key, 12); TOML or text. Raises PresetError without '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -137,8 +136,7 @@ def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys, and remove old values that new keys exclude: values of exclusive keys, and of an old
-    material."""
+    """Set dotted keys, and remove old values that new keys exclude: exclusive keys, or keys of an old material."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
         _override(values, key, deepcopy(value))  # because a later key may change a part of this value

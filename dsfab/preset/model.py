@@ -65,11 +65,10 @@ class Statics(Section):
     membrane: Membrane = "constant"
     """Membrane elements: constant strain (the paper); quadratic or hybrid, accurate for slender parts but slower."""
     bending: Bending = "hinge"
-    """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (the most
-    accurate)."""
+    """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (most accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
     """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
-    its middle surface has no stress, and the stress of its lower side replaces it. layers: stress of all layers, with
+    its middle surface has none, and the stress of its lower side replaces it. layers: stress of all layers, with
     bending.
     auto: layers where bending stores at least half of the energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
@@ -144,8 +143,7 @@ class Diffusion(Section):
     modes: Annotated[int, Ge(1), Le(50)] = 5
     """Number of eigenmodes for each family."""
     follow: str | None = None
-    """Name of the case or combination that the pattern follows, or combined for the sum of stress magnitudes of them
-    all.
+    """Name of the case or combination that the pattern follows, or combined: the sum of stress magnitudes of all.
     The default is combined for several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
     """Weight of each combination in the combined sum, or of each case without combinations; default 1."""
@@ -195,8 +193,7 @@ class Family(Section):
     mode: Mode = 1
     """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode; a mode has about 0.5 to 3 units from end to end. 0: `spacing` replaces the
-    frequency.
+    """Stripes per unit of the mode; a mode has 0.5 to 3 units from end to end. 0: `spacing` replaces the frequency.
     Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
     """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. The default of
@@ -219,8 +216,7 @@ class Family(Section):
         return values
 
     def distance(self, area: float, edge: float) -> float:
-        """Return the spacing (m) of evenly spaced stripes on a surface of this area (m2); see `spacing` for its
-        default.
+        """Return the spacing (m) of evenly spaced stripes on a surface of an area (m2); see `spacing` for the default.
         edge : mean edge length of the mesh (m)."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
@@ -250,8 +246,7 @@ class Width(Section):
     member: Annotated[float, Ge(0)] = 0.0
     """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """Exponent: the share of material grows with this power of the stress. For rule stressed it is the starting
-    value."""
+    """Exponent: the share of material grows with this power of the stress; for rule stressed the starting value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
     """Number of cuts and solutions for rule stressed."""
     min_width: LeastWidth = AUTO
@@ -313,8 +308,7 @@ class Pattern(Section):
     halve: bool = True
     """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings: it is neither halved nor tidied; rim and keep connect
-    it."""
+    """Families of stripes. A single family has no crossings: no halving and no tidying; rim and keep connect it."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -322,11 +316,10 @@ class Pattern(Section):
     (from outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
     """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
-    stiffest sheet of varying thickness with the same material (solid_fraction). It is stiffer in a plane, at edges and
+    stiffest sheet of varying thickness with the same material (solid_fraction). It is stiffer in planes, at edges and
     openings."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """For stripes: number of further searches for directions, with the weight of the stripes where it is most of the
-    load.
+    """For stripes: number of further searches for directions, with the stripes' weight where it is most of the load.
     0: a single search, with the weight of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
     """For stripes: curves and regions that set their direction."""
@@ -437,15 +430,13 @@ class Slicing(Section):
     between evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of
     the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Least width of openings with pattern.workshop, metres. Members bridge narrower openings; narrower tips are
-    filled.
+    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are filled.
     0: no limit. Default: a quarter of the thickness, or 3 mm if that is more (for small designs a 500th of their size).
     """
     min_member: Annotated[float, Ge(0)] | None = None
     """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop it applies to
     all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
-    applies to tidied stripes between openings with round corners, where they are also narrower than 0.8 of the usual
-    width."""
+    applies to tidied stripes between openings with round corners, if also narrower than 0.8 of the usual width."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
@@ -576,8 +567,7 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions if there is a void, because a void changes the numbers of
-        vertices.
+        """Refuse vertex numbers in guides and regions if there is a void, because it changes the numbers of vertices.
         Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
@@ -627,8 +617,7 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with curves in place of the files of its drawings; raises SurfaceError for a missing
-        file."""
+        """Return the preset with curves in place of the files of its drawings; SurfaceError for a missing file."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -640,7 +629,7 @@ class Preset(Section):
 
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None; name and description make no difference.
-        Outlines of regions cut the surface, so they belong to it here. So does [statics] if the mesh follows the
+        Outlines of regions cut the surface, so they belong to it here, as [statics] does if the mesh follows the
         stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"

@@ -24,8 +24,7 @@ class Workshop(Section):
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
     """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
-    """Price of a sheet of each size of the stock, in its order and in any currency; dsfab chooses the cheapest
-    combination.
+    """Price of a sheet of each size of the stock, in its order, in any currency; dsfab uses the cheapest combination.
     Without prices it chooses the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
     """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
@@ -36,8 +35,7 @@ class Workshop(Section):
     plate: Annotated[float, Gt(0)] = 0.005
     """Thickness of the plates at nodes (bars) and at anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
-    """Diameter of anchors, metres. Plates of supports reach the ground in a leg with two anchor holes. 0: no
-    anchors."""
+    """Diameter of anchors, metres. Plates of supports have a leg with two anchor holes. 0: no anchors."""
     bolt: Annotated[float, Gt(0)] = 0.012
     """Diameter of the bolts and of the bolt holes, metres."""
     gap: Annotated[float, Ge(0)] = 0.008
@@ -91,7 +89,8 @@ class Eurocode(Section):
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
-    """Timber: duration of loads by case. Default: weight permanent, stores long, wind, maintenance short, else medium."""
+    """Timber: duration of loads by case. Default: weight permanent, stores long, wind and maintenance short, all others
+    medium."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
     gamma_m0: Annotated[float, Gt(0)] = 1.0

@@ -65,8 +65,7 @@ class Section(BaseModel):
 
 class SurfaceSection(Section):
     """Keys of every surface.
-    pydantic builds the checks on first use, because checks of all kinds of surfaces take half of the time to start
-    dsfab."""
+    pydantic builds the checks on first use, because all checks together take half of the time to start dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -140,8 +139,7 @@ class OwnSurface(SurfaceSection):
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
-        """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError for an invalid
-        surface.
+        """Return the surface, with edges of these sizes on a new mesh; raises SurfaceError for an invalid surface.
         base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
@@ -159,12 +157,11 @@ class FileSurface(OwnSurface):
     unit: str | None = None
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """Axis of the file that points to the sky; all other keys of the preset assume z up. dsfab turns GLB files
-    itself."""
+    """Axis of the file that points to the sky; all other keys assume z up. dsfab turns GLB files itself."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Point of the file that becomes the design's origin, metres, with z up; for a survey's coordinates."""
     mend: bool = False
-    """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and
+    """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes,
     straighten ragged edges."""
     repair: bool = False
     """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces smaller than a twentieth of the
@@ -280,8 +277,7 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of Python code as a table, in which `lists` replace supports, loads and
-    combinations.
+    """Return the argument `surface` of Python code as a table, `lists` replace supports, loads and combinations.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):

@@ -57,13 +57,12 @@ CHUNK = 1 << 13
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) whose smallest cosine to the faces around each vertex is within 5 % of the largest
+    """Return unit normals (n, 3) whose smallest cosine to the faces at each vertex is within 5 % of the largest
     possible.
 
     The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
     1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine.
-    The search starts from the mean weighted by the corner angles (m, 3). If no direction sees all faces, it returns
-    this mean.
+    The search starts from the mean weighted by the corner angles (m, 3). If none sees all faces, it returns this mean.
 
     faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
@@ -223,8 +222,7 @@ def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
     """Return shares (n,) of D (n, 3) with which every prism over a face has a clearly positive Jacobian.
-    If the offset vector at a corner is nearly parallel to the face, the limit is lower, because shrinking does not
-    help.
+    If the offset vector at a corner is nearly parallel to the face, its limit is lower: shrinking does not help.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
     smallest : least share, because an exact test follows."""
     share = np.ones(surface.n)
@@ -246,7 +244,7 @@ def safe_shares(
 
 
 def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) of the
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) at
     corners.
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
     corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean |d|.

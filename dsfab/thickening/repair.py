@@ -25,8 +25,7 @@ class UnfoldedSheet:
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
     """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres.
-    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: even thin prisms over it turn
-    over.
+    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: thin prisms over it turn over.
     Larger folds are intended, because the surface crosses itself there."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
@@ -85,8 +84,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """Return the number of the fold at each vertex (n,), or -1, and the size of each fold: its box's diagonal,
-    metres."""
+    """Return the number of the fold at each vertex (n,), or -1, and the diagonal of each fold's box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
@@ -124,8 +122,7 @@ class RepairedSkin:
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
-    Thinning does not help a sheet that crosses itself: it is cut into patches, and the solids of the patches are
-    united.
+    Thinning does not help a sheet that crosses itself: it is cut into patches, and their solids are united.
     among : mask of the skin's faces that may intersect, with these offsets and any diagonals; default: all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)

@@ -32,7 +32,7 @@ class Overlap:
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return the parts of each colour (m,); lower colours extend into higher colours, unless they would meet.
     clashes : (k, 2) pairs of faces of the sheet whose prisms meet.
-    Near a seam, parts are thinner by 1 % at the next vertices and 2 % on the seam, and half as much more for each
+    Near a seam, parts are thinner by 1 % at the next vertices and 2 % on the seam, half as much more for each
     colour."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1

@@ -12,8 +12,7 @@ from dsfab.surface import edge_table
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02
-"""Lines start at this share of the way from a corner to the centre of a face: tapering walls are thinnest at
-corners."""
+"""Lines start at this share of the way from a corner to the face's centre: tapering walls are thinnest at corners."""
 OPPOSED = float(np.cos(np.radians(20)))
 """Faces are opposite if the angle between them is below 20 degrees, because at an edge the thickness would be zero."""
 LARGE = 1e6
@@ -44,8 +43,7 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,) on lines from points (k, 3), moved inwards a little, along unit vectors (k,
-        3), or -1."""
+        """Return the first face (k,) on lines from points (k, 3), moved inwards, along unit vectors (k, 3), or -1."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 

@@ -327,7 +327,7 @@ def test_other_materials_are_compared_with_their_strength_and_no_standard():
     found = utilisation(bays, rules("PLA", 20e6))
     stress = 10e3 / 1e-3 + 200 / (0.01 * 0.1**2 / 6)
     assert found.largest[0] == pytest.approx(sqrt(stress**2 + 3 * (1.5 * 1e3 / 1e-3) ** 2) / 20e6)
-    assert found.standard.startswith("no standard: PLA")
+    assert found.standard.startswith("no standard: dsfab has none for PLA")
     assert "no standard: the preset names no material" in utilisation(bays, rules("", 20e6)).standard
     with pytest.raises(StaticsError, match="names no material and gives no strength"):
         utilisation(bays, rules(""))

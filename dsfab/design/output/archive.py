@@ -137,8 +137,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder; return its path. preset : preset of the design, by default its
-    own."""
+    """Write the archive of a design into a folder; return its path. preset : by default the design's own."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,

@@ -128,8 +128,7 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
-    The second half of the `count` nodes is on the second side; edges with `turns` of 1 lead from one side to the
-    second."""
+    The second half of the `count` nodes is on the second side; edges with `turns` of 1 lead to the second."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])

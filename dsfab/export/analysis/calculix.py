@@ -198,7 +198,7 @@ def _set_name(text: str) -> str:
 
 SUFFIX = ".beams.inp"
 PIECES = 4
-"""Number of elements of each beam. Where beams meet at angles, the joints are up to 17 % too stiff with one element,
+"""Number of elements of each beam. At angles between beams, joints are up to 17 % too stiff with one element,
 and up to 8 % with four."""
 
 

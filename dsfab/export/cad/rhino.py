@@ -123,8 +123,7 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 def without_times(data: bytes) -> bytes:
     """Replace both times in the history of an archive by `_TIME` and correct its checksum.
     The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
-    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for archives of another
-    layout."""
+    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for another layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
@@ -324,7 +323,7 @@ def polyline_json(points: Floats) -> str:
 
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
-    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; a quad is split along its shorter
+    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; quads are split along the shorter
     diagonal.
     Raises ExportError if the text contains no mesh."""
     mesh = _decode(text)

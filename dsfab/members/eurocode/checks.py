@@ -177,8 +177,7 @@ class Utilisation:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Rectangular sections with `width` along y and `thickness` along z, metres: both (b, k), k sections in each
-    bay."""
+    """Rectangular sections with `width` along y and `thickness` along z, metres: (b, k), k sections in each bay."""
 
     width: Floats
     thickness: Floats
@@ -238,7 +237,7 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths in metres: pi / L sqrt(E
+        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths (m): pi / L sqrt(E
         I G It).
         Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))

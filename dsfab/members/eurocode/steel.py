@@ -105,7 +105,7 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, n, m and C_m about that axis; tilted : m
+    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, n, m, C_m about that axis; tilted : m
     over chi_LT."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)

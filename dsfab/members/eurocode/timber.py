@@ -78,8 +78,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses of forces (b, 5, 6); bent : (b, 5) stress from bending into shape (Pa), added to that of
-    My."""
+    """Return the stresses of forces (b, 5, 6); bent : (b, 5) stress from bending into shape, Pa, added to My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(

@@ -120,7 +120,7 @@ def _bay(
 
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
-    A disc has material on both sides of its ring, but an outline on the outer side only: its width is at least its area
+    A disc has material on both sides of its ring, but an outer outline only: its width is at least its area
     over its length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
@@ -197,8 +197,7 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 class NodeSupports:
     """Supports at nodes; index h counts the supports.
     node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) centre of the supported vertices.
-    apart : (h,) True if a link is needed.    fixed : (h, 6) fixed directions.    spring : (h, 6) N/m.    width : (h,)
-            m."""
+    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) m."""
 
     node: Ints
     place: Floats
@@ -255,8 +254,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of groups of points: the root of twelve times their variance along two
-    axes."""
+    """Return length and width (h, 2), m, of groups of points: root of twelve times their variance along two axes."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))

@@ -83,8 +83,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return the line on which a level (c, 3) is zero in triangles: weights (c, 2, 3) of the corners at both ends,
-    edges (c, 2).
+    """Return the zero line of a level (c, 3) in triangles: weights (c, 2, 3) of the corners at both ends, edges (c, 2).
     Each edge is given by the corner at which it begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)

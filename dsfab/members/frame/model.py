@@ -52,7 +52,7 @@ class Frame:
         o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) names of the nodes: those of the members' nodes, or of a member and a
+    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or of a member and a
                 number.
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
@@ -62,7 +62,7 @@ class Frame:
     members   : names of the members.
     fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
     loads     : by case, (n, 6) newtons and newton metres on the nodes, from tributary areas.
-    combinations : by name, the factor of each case.    actions : by case, permanent, snow, wind or variable; empty
+    combinations : by name, the factor of each case.    actions : permanent, snow, wind or variable by case; {}
                 if unknown.
     eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
     stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
@@ -274,7 +274,7 @@ STOUT = 0.35
 class FrameAgreement:
     """Results of a frame over those of its sheet for one case.
 
-    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the torsional stiffness of a
+    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the twisting stiffness of a
     bar.
 
     compliance   : ratio of the compliances, 1 for equal results.

@@ -68,8 +68,7 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
 
 
 def _corners(P: Floats, arm: float) -> Ints:
-    """Return the sharpest corners (k,) of a closed line P (n, 3), turning by 45 degrees or more in plan, an `arm`
-    apart."""
+    """Return the sharpest corners (k,) of a closed line P (n, 3), of 45 degrees or more in plan, an `arm` apart."""
     along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
@@ -113,8 +112,7 @@ class Foot:
     loop: int | None = None
 
     def picker(self, margin: float, digits: int) -> Boundary | Box:
-        """Return a picker that fits any mesh of the surface: the foot's loop, or its box, enlarged by `margin`
-        metres."""
+        """Return a picker for any mesh of the surface: the foot's loop, or its box enlarged by `margin` metres."""
         if self.loop is not None:
             return Boundary(self.loop)
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
@@ -125,8 +123,7 @@ class Foot:
 def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """Return the proposed supports of a surface with z up; `span`: metres that the surface bridges.
     flat   : the outer edge is the support.
-    closed : parts within `SOLE` of the height above the lowest point are feet, also if the surface has holes in its
-             side.
+    closed : parts within `SOLE` of the height above the lowest point are feet, also with holes in its side.
     hung   : corners of the outer edge are feet, see `mast_corners`.
     else   : stretches of boundary around low points are feet: of the outer edge, of further edges that reach the
              ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support."""
@@ -322,8 +319,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
-    """Extend a stretch of a closed line P (k, 3) on its lower side to the length `shortest` (m); return indices of its
-    points.
+    """Extend a stretch of a closed line P (k, 3) on its lower side to the length `shortest` (m); return point numbers.
     At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))

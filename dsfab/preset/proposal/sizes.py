@@ -53,13 +53,11 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on feet (k, 3): thicker if its span is far longer than the shorter side of its
-        plan.
+        """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of its plan.
 
         The span is twice the distance in plan from the farthest vertex to the feet. For a roof with a far smaller span,
         as around a courtyard, the sizes follow that span. The thickness is 1.1 times the usual one for the geometric
-        mean of span and side, because such a sheet bends most at its clamped ends. The spacing grows with the
-        thickness.
+        mean of span and side, because such a sheet bends most at clamped ends. The spacing grows with the thickness.
 
         Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at 40
         mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m had a

@@ -19,10 +19,8 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Context of extras: the uncut surface, the cut sheet, and a function from marks on the surface to marks on the
-    sheet.
-    between : returns marks (n',) of the sheet's vertices for marks (n,) of the surface's (see
-              `Sheet.vertices_between`)."""
+    """Context of extras: the uncut surface, the cut sheet, and a function between their vertices.
+    between : returns marks (n',) at the sheet's vertices for marks (n,) at those of the surface."""
 
     surface: Surface
     sheet: Surface

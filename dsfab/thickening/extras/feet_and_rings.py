@@ -21,8 +21,7 @@ if TYPE_CHECKING:
 class Feet:
     """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
     at     : vertices on feet.    height : metres below the lowest picked vertex of a part.
-    margin : metres around the picked vertices.    sink : metres above the lowest vertex, so that block and sheet
-             overlap.
+    margin : metres around the picked vertices.    sink : metres above the lowest vertex, so that both overlap.
     Blocks stand along z."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -97,10 +96,9 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Return points (k, 3) where a loop bends; also direction and normal (k, 3) of the sides that begin at these
-    points.
-    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a one-sided strip
-    the loop runs along both edges of the strip, and the normal turns with the loop."""
+    """Return points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at these points.
+    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a one-sided strip the
+    loop runs along both edges of the strip, and the normal turns with the loop."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
