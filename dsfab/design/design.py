@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -176,9 +177,8 @@ class Design:
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
 
     def _design_with_rough_statics(self) -> "Design | None":
-        solved = self._results.input_of(
-            "statics", "solved sheet", lambda: checked_sheet(self.preset, self.surface, self._log)
-        )
+        make = partial(checked_sheet, self.preset, self.surface, self._log)
+        solved = self._results.input_of("statics", "solved sheet", make)
         statics = rough_statics(self.preset, self.surface, solved)
         log = Log(self._log.progress)
         return self.from_results(self.preset, log, surface=self.surface, statics=statics) if statics else None
@@ -206,13 +206,8 @@ class Design:
         method = source._stripe_method(analysis)
         with suppress(PatternError):
             pattern = sketched_pattern(analysis, method)
-            results = {
-                "surface": analysis.surface,
-                "statics": analysis.statics,
-                "diffusion": analysis.diffusion,
-                "pattern": pattern,
-            }
-            return self.from_results(self.preset, None, **results)
+            results = {"statics": analysis.statics, "diffusion": analysis.diffusion, "pattern": pattern}
+            return self.from_results(self.preset, None, surface=analysis.surface, **results)
         return None
 
     @property
@@ -261,9 +256,10 @@ class Design:
     def member_utilisation(self) -> "Utilisation":
         """Forces of members over their resistance by the standard of the material, see `dsfab.members.eurocode`.
         Raises StaticsError if neither the material nor a strength is set."""
-        return self.cached_result(
-            "slicing", "member utilisation", lambda: member_utilisation(self.preset, self.members, self.member_forces)
-        )
+        return self.cached_result("slicing", "member utilisation", self._member_utilisation)
+
+    def _member_utilisation(self) -> "Utilisation":
+        return member_utilisation(self.preset, self.members, self.member_forces)
 
     def frame_agreement(self) -> "list[FrameAgreement]":
         """Compare the beam model with the sheet, in each case and combination."""

@@ -120,9 +120,8 @@ class Steering:
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
         """Return the final steering for the directions `along` (n, 3) of the major stripes.
         over : (n,) True at vertices where the two families exchange names, see `family_crossings`."""
-        first_share, second_share = (
-            (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1)
-        )
+        cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
+        first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
         messages = [self.told] * bool(self.told)
         if share := float(surface.areas @ crossed) / surface.area:
@@ -185,10 +184,8 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
     """Return the selected symmetry and its order; None and 1 for the identity alone, or if they form no group."""
-    R, maps = (
-        symmetry.R[selected],
-        tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected),
-    )
+    R = symmetry.R[selected]
+    maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):
         return None, 1
     return Symmetry(R, maps, symmetry.faces[selected]), len(R)

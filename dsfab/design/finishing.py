@@ -108,9 +108,8 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     slicing, thickness = preset.slicing, preset.statics.thickness
     gap = usual_gap(thickness, surface.size) if slicing.min_gap is None else slicing.min_gap
     unlimited = preset.pattern.width.min_width == 0
-    usual = (
-        0.0 if unlimited else min(0.5 * thickness, REQUESTED_SHARE * _least_requested_member(preset.pattern, surface))
-    )
+    requested = REQUESTED_SHARE * _least_requested_member(preset.pattern, surface)
+    usual = 0.0 if unlimited else min(0.5 * thickness, requested)
     return WorkshopWidths(gap, usual if slicing.min_member is None else min(slicing.min_member, usual))
 
 

@@ -34,9 +34,8 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
-    return utilisation(
-        bays.with_cases(preset.judged_in("ULS", bays.forces)), eurocode_rules(preset, tuple(bays.forces))
-    )
+    rules = eurocode_rules(preset, tuple(bays.forces))
+    return utilisation(bays.with_cases(preset.judged_in("ULS", bays.forces)), rules)
 
 
 def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":

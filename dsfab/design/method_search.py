@@ -42,6 +42,11 @@ class MethodCandidate:
     drawn: PatternResult | None = None
 
 
+def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
+    usable = [candidate for candidate in candidates if not candidate.attempt.refused]
+    return min(usable, key=lambda candidate: candidate.attempt.rank, default=None)
+
+
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
@@ -51,17 +56,14 @@ def stressed_candidates(
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
-        tried = [candidate for candidate in candidates if candidate.preset.pattern.method == method]
-        usable = [candidate for candidate in tried if not candidate.attempt.refused]
-        if not usable:
+        stiffest = _stiffest([candidate for candidate in candidates if candidate.preset.pattern.method == method])
+        if not stiffest:
             continue
-        stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
         words = stiffest.attempt.name.partition(",")[0]
         if log.progress:
             log.progress("pattern", f"trying {words}, stressed: cutting and solving")
-        variant_preset = stiffest.preset.with_pattern(
-            width=preset.pattern.width.model_copy(update={"rule": "stressed"})
-        )
+        width = preset.pattern.width.model_copy(update={"rule": "stressed"})
+        variant_preset = stiffest.preset.with_pattern(width=width)
         scratch, choice = replace(log, notes=[]), stiffest.choice
         if choice:
             choice = stressed_choice(variant_preset, analysis, scratch, choice)
@@ -77,15 +79,11 @@ def optimal_force_candidates(
     The gain is large if forces differ from those of the uncut sheet: a plate with a hole has .87 times the
     compliance."""
     options = preset.pattern
-    usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
-    if (
-        not usable
-        or not _exchangeable(options.width)
-        or options.is_steered
-        or not follows_membrane(preset, analysis.surface, analysis.statics)
-    ):
+    stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
+    if not stiffest or not _exchangeable(options.width) or options.is_steered:
         return
-    stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
+    if not follows_membrane(preset, analysis.surface, analysis.statics):
+        return
     words = f"{stiffest.attempt.name.partition(',')[0]} along optimal forces"
     if log.progress:
         log.progress("pattern", f"trying {words}: cutting and solving")
@@ -104,10 +102,9 @@ def respaced_candidates(
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
     There are candidates only if the preset leaves the spacings open and requests a solid fraction."""
-    usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
-    if not usable or not preset.pattern.width.solid_fraction:
+    stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
+    if not stiffest or not preset.pattern.width.solid_fraction:
         return
-    stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
     tail = stiffest.attempt.name.partition("stripes")[2]
     for factor in SPACINGS:
         spaced, distances = _respaced_families(stiffest.preset, analysis.surface, factor)
@@ -122,9 +119,8 @@ def respaced_candidates(
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
             if any(even.wanted) or not halve:  # otherwise halving ends no line early
-                yield _with_worth(
-                    MethodCandidate(variant_preset, Attempt(words), None, even), analysis, replace(log, notes=[])
-                )
+                variant = MethodCandidate(variant_preset, Attempt(words), None, even)
+                yield _with_worth(variant, analysis, replace(log, notes=[]))
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
@@ -197,9 +193,8 @@ def _with_worth(candidate: MethodCandidate, analysis: StressedSurface, scratch: 
     except DsfabError as error:
         return replace(candidate, attempt=Attempt(name, refused=str(error)))
     worth = result.compliance, result.over_uncut, result.kept
-    return replace(
-        _with_quality(candidate, analysis, worth, pattern, cells, sheet), grading=grading, notes=tuple(scratch.notes)
-    )
+    measured = _with_quality(candidate, analysis, worth, pattern, cells, sheet)
+    return replace(measured, grading=grading, notes=tuple(scratch.notes))
 
 
 def _with_quality(
@@ -214,9 +209,8 @@ def _with_quality(
     worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
-    return replace(
-        candidate, attempt=Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits), sheet=sheet
-    )
+    attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
+    return replace(candidate, attempt=attempt, sheet=sheet)
 
 
 def _exchangeable(width: Width) -> bool:
@@ -272,9 +266,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
     The best candidate is built last, because slicing continues from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
-    shares = [
-        candidate for candidate in candidates if candidate.sheet and candidate.preset.pattern.width.solid_fraction
-    ]
+    shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]
     ranked = sorted(shares, key=lambda candidate: candidate.attempt.rank)
     finalists = [candidate for candidate in ranked[:4] if candidate.attempt.rank <= limit]
     if len(finalists) < 2:

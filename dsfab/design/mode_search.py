@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -94,9 +94,8 @@ class Trial:
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
-        reaches_support = (
-            np.bincount(label, held_vertices(surface, material, self.given.load)[F].any(axis=1), count) > 0
-        )
+        is_held = held_vertices(surface, material, self.given.load)[F].any(axis=1)
+        reaches_support = np.bincount(label, is_held, count) > 0
         if not reaches_support.any():
             raise PatternError("no piece of material reaches a support")
         sheet = material if reaches_support.all() else material.subset(reaches_support[label])
@@ -226,9 +225,8 @@ class StressedTrial(Trial):
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
-        energy = K.energies(K.factor(np.ones(carrying.sheet.surface.m))(K.force)) @ list(
-            self.preset.followed_weights.values()
-        )
+        weights = list(self.preset.followed_weights.values())
+        energy = K.energies(K.factor(np.ones(carrying.sheet.surface.m))(K.force)) @ weights
         work, material = (self._by_family(carrying.sheet, names, x) for x in (energy, carrying.sheet.surface.areas))
         next_grading = evened_grading(self.surface, grading, work, material, self.spacing)
         if self.even is not None and self.even.symmetry is not None:
@@ -322,9 +320,8 @@ def _search_rounds(
     open_phase = [is_drawn[k] and families[k].phase == AUTO for k in (0, 1)]
     fixed_phases = (families[0].shift, families[1].shift)
     open_modes = sum(open_mode)
-    yield [
-        (mode, p) for mode in product(major, minor) for p in _first_phases(mode, open_phase, fixed_phases, open_modes)
-    ]
+    first_phases = partial(_first_phases, open_phase=open_phase, fixed_phases=fixed_phases, open_modes=open_modes)
+    yield [(mode, phase) for mode in product(major, minor) for phase in first_phases(mode)]
     if not any(open_phase):
         return
     for count, step, moves in ROUNDS:
@@ -348,11 +345,8 @@ def _first_phases(
         grid = [(p, p) for p in (START if 1 in mode else START[:1])]
     else:
         grid = [(p, q) for p in GRID[open_modes] for q in GRID[open_modes]]
-    return list(
-        dict.fromkeys(
-            (p if open_phase[0] else fixed_phases[0], q if open_phase[1] else fixed_phases[1]) for p, q in grid
-        )
-    )
+    phases = ((p if open_phase[0] else fixed_phases[0], q if open_phase[1] else fixed_phases[1]) for p, q in grid)
+    return list(dict.fromkeys(phases))
 
 
 def _moved_phase(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:

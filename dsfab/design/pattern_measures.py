@@ -109,9 +109,8 @@ def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_wid
         return np.asarray(places[is_near])
 
     ends = family.dead_ends
-    return replace(
-        family, dead_ends=DeadEnds(remaining(ends.loose, Arms.is_tip), remaining(ends.turns, Arms.is_hairpin))
-    )
+    dead_ends = DeadEnds(remaining(ends.loose, Arms.is_tip), remaining(ends.turns, Arms.is_hairpin))
+    return replace(family, dead_ends=dead_ends)
 
 
 def pattern_chart(design: PatternedDesign) -> Chart:
@@ -140,9 +139,8 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
         if name not in FAMILIES and not isinstance(x, CornerField):
             height = (x.at_vertices if isinstance(x, DividedField) else x) - levels[0]
-            kept_height = np.maximum(
-                kept_height, height if height.ndim == 1 else np.minimum(height[:, 0], -height[:, 1])
-            )
+            height = height if height.ndim == 1 else np.minimum(height[:, 0], -height[:, 1])
+            kept_height = np.maximum(kept_height, height)
     return StripeChart.from_chart(chart, d, np.maximum(kept_height, -surface.size))
 
 

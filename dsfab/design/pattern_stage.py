@@ -44,9 +44,8 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         lighter = statics_with_weight_share(preset, surface, statics, share)
         even = even_stripes(preset, surface, lighter)
     if lighter is not None:
-        mean_turn, largest_turn = direction_change(
-            surface, *(followed_stress(preset, surface, result) for result in (statics, lighter))
-        )
+        stresses = (followed_stress(preset, surface, result) for result in (statics, lighter))
+        mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
             f"directions follow {share @ surface.areas / surface.area:.0%} of the uncut sheet's weight, that of the "
@@ -94,10 +93,8 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
     """Return angles between principal directions of stresses (m, 3, 3), degrees: a mean, and the 95 % quantile by area.
     The mean is weighted by area and by the difference of the principal stresses `before`. The quantile refers to the
     area with clear directions."""
-    (stress, directions_before), (_, directions_after) = (
-        principal_stresses(surface, sigma) for sigma in (before, after)
-    )
-    axis_before, axis_after = directions_before[:, 0], directions_after[:, 0]
+    (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
+    axis_before, axis_after = directions[:, 0], directions_after[:, 0]
     across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
     angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
     half_difference = (stress[:, 0] - stress[:, 1]) / 2
@@ -108,9 +105,8 @@ def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[f
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
     if not len(cumulated_area):
         return 0.0, 0.0
-    return float(angle @ size / size.sum()), float(
-        angle[clear_by_angle][np.searchsorted(cumulated_area, 0.95 * cumulated_area[-1])]
-    )
+    quantile = angle[clear_by_angle][np.searchsorted(cumulated_area, 0.95 * cumulated_area[-1])]
+    return float(angle @ size / size.sum()), float(quantile)
 
 
 class EarlierStripes(NamedTuple):

@@ -101,9 +101,8 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
         )
     edges_left = edges[picked[edges].all(axis=1)]
     is_picked = edges_of(picker, uncut)[uncut.edges.edges_between(*vertices[edges_left].T)]
-    return replace(
-        entry, at=VerticesLeft(tuple(picked_left.tolist()), ends=tuple(map(tuple, edges_left[is_picked].tolist())))
-    )
+    ends = tuple(map(tuple, edges_left[is_picked].tolist()))
+    return replace(entry, at=VerticesLeft(tuple(picked_left.tolist()), ends=ends))
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:

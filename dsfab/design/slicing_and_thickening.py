@@ -61,9 +61,8 @@ def slicing_step(
 
 
 def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingOptions, stubs: int, log: Log) -> None:
-    filled, merged, bridged, spikes, widened = (
-        finished.counts[name] for name in ("filled", "merged", "bridged", "spikes", "widened")
-    )
+    names = "filled", "merged", "bridged", "spikes", "widened"
+    filled, merged, bridged, spikes, widened = (finished.counts[name] for name in names)
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off or straightened at {_places(stubs)}")
@@ -185,9 +184,8 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
     """Note loads that differ on the cut sheet, because the stress of the uncut sheet sets the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
-        uncut_weight, sheet_weight = (
-            force(preset.statics.area_weight * area) for area in (surface.area, sheet.surface.area)
-        )
+        areas = surface.area, sheet.surface.area
+        uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}, which all its results include"
         if not preset.pattern.rounds:  # with rounds, the pattern's note states this weight
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
@@ -215,9 +213,8 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         proven = proven_cells(layer)[kept_cells(cells, slicing.sheet)]
         solid = thicken(slicing.sheet.surface, D, options.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
-        solid = with_extras(
-            solid, options.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.vertices_between, surface))
-        )
+        base = Base(surface, slicing.sheet.surface, partial(slicing.sheet.vertices_between, surface))
+        solid = with_extras(solid, options.extra, base)
     if options.strict and solid.repairs.pairs:
         message = next(text for text in reversed(solid.notes) if "intersect" in text)
         raise SolidError(f"{message}; thickening.strict refuses such a solid: reduce statics.thickness")

@@ -123,9 +123,8 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
             results.append(replace(result, vibration=results[0].vibration) if results else result)
     named_answers = [(loading.name, answers) for loading, answers in zip(solved.acting, results, strict=True)]
     strong = preset.judged_in("ULS", [name for name, _ in named_answers if name])
-    _note_answers(
-        [(name, answers) for name, answers in named_answers if name in strong], requested, sheet, surface, log
-    )
+    checked = [(name, answers) for name, answers in named_answers if name in strong]
+    _note_answers(checked, requested, sheet, surface, log)
     return results
 
 
@@ -205,9 +204,8 @@ def followed_layers(
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
-        return FollowedStress(
-            lower, None, "the sheet is flat and bends: the pattern follows the stress at its lower side"
-        )
+        note = "the sheet is flat and bends: the pattern follows the stress at its lower side"
+        return FollowedStress(lower, None, note)
     share = bending_share(preset, surface, acting, answers)
     if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
         stresses = _moment_stresses(preset, surface, acting, answers)
@@ -235,9 +233,8 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
     """Return True if the surface is flat and its middle surface is almost free of stress under all loadings."""
     stresses = [answer.stress for answer in answers]
-    return surface.is_flat and only_bends(
-        np.stack([s.membrane for s in stresses]), np.stack([s.bending for s in stresses])
-    )
+    membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
+    return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
 
 
 def _moment_stresses(
@@ -311,11 +308,9 @@ def statics_step(
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
-        follow = (
-            FollowedStress(solved.sigma)
-            if solved.plane
-            else followed_layers(preset, surface, solved.acting, answers, solved.sigma)
-        )
+        follow = FollowedStress(solved.sigma)
+        if not solved.plane:
+            follow = followed_layers(preset, surface, solved.acting, answers, solved.sigma)
     if follow.told:
         log.note("statics", follow.told)
     return _statics_result(preset, surface, solved, answers, follow, log)
@@ -335,10 +330,8 @@ def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> Stat
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
     """Return True if the pattern follows the same stress under both results, in every case."""
-    cases = rough.cases
-    return all(
-        np.array_equal(case.followed_stress, cases[name].followed_stress) for name, case in statics.cases.items()
-    )
+    pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def _statics_result(

@@ -85,9 +85,8 @@ def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Re
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
         while breaks:
-            rows = _SplineSystem(
-                [runs[k] for k in breaks], [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
-            )
+            rounded = [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
+            rows = _SplineSystem([runs[k] for k in breaks], rounded)
             poles, next_breaks = rows.poles(), dict[int, Floats]()
             for k, span_ends, (low, high), errors in zip(
                 breaks, rows.breaks, rows.ends, rows.errors(poles), strict=True
@@ -173,9 +172,8 @@ class _SplineSystem:
         for run, (low, high), stop in zip(self.runs, self.ends, end.tolist(), strict=True):
             if run.smooth:
                 direction = along[stop - run.count - 1 : stop]
-                poles[low:high] += (
-                    free[low:high] @ (direction.T @ residual[stop - run.count - 1 : stop]) / (direction.T @ direction)
-                )
+                projected = direction.T @ residual[stop - run.count - 1 : stop]
+                poles[low:high] += free[low:high] @ projected / (direction.T @ direction)
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
@@ -230,9 +228,8 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
         curves = [curve for curve in chain if curve is not None]
         return curves if len(curves) == len(chain) else None
     start = int(corners[0]) if len(corners) else 0
-    closed_curve = fitted_curve(
-        loop[(start + np.arange(len(loop) + 1)) % len(loop)], tolerance, smooth=not len(corners)
-    )
+    line = loop[(start + np.arange(len(loop) + 1)) % len(loop)]
+    closed_curve = fitted_curve(line, tolerance, smooth=not len(corners))
     return None if closed_curve is None else halves(closed_curve)
 
 
@@ -423,9 +420,8 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
         raise count_error(part, "lines", len(lines), len(curves_read))
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
     for name, points in lines.items():
-        box_read, box_expected = (
-            np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(curves_read[name]), points)
-        )
+        clouds = np.concatenate(curves_read[name]), points
+        box_read, box_expected = (np.array([x.min(axis=0), x.max(axis=0)]) for x in clouds)
         if not (moved := float(np.abs(box_read - box_expected).max())) <= 2 * curve_tolerance(part):
             raise ExportError(
                 f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from its place; write another format"

@@ -123,9 +123,9 @@ FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
     ".lines.step": SheetFormat(file.encode_lines, file.check_lines_file, curves=True),
     ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, sentence=file.route_sentence),
     ".ifc": MeshFormat(ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
-    ".obj": MeshFormat(triangles.encode_obj, triangles.check_obj),
+    ".obj": MeshFormat(triangles.encode_obj, triangles.check_with_trimesh),
     ".ply": MeshFormat(triangles.encode_ply, triangles.check_ply),
-    ".off": MeshFormat(triangles.encode_off, triangles.check_off),
+    ".off": MeshFormat(triangles.encode_off, triangles.check_with_trimesh),
     ".glb": MeshFormat(gltf.encode, gltf.check, in_single_precision),
     ".3dm": SheetFormat(
         rhino.encode,

@@ -168,9 +168,8 @@ class SplineRows:
         """Return the chosen curves (r,)."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
-        return SplineRows.from_counts(
-            number, count, self.x[chosen_samples], self.Q[chosen_samples], tolerance, self.parts
-        )
+        x, Q = self.x[chosen_samples], self.Q[chosen_samples]
+        return SplineRows.from_counts(number, count, x, Q, tolerance, self.parts)
 
     @property
     def line(self) -> Floats:

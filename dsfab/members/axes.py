@@ -150,9 +150,8 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
     """Return angles (k,), radians, by which a line turns in the surface within half a window of arc lengths x (k,)."""
-    points, normals = (
-        np.stack([np.interp(x, line.s, column) for column in y.T], axis=1) for y in (line.points, line.normals)
-    )
+    columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
+    points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
     around = np.concatenate([turn[-STEPS:], turn, turn[:STEPS]]) if line.closed else np.pad(turn, STEPS)
     summed = np.convolve(around, np.ones(STEPS + 1), mode="same")[STEPS:-STEPS]

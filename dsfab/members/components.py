@@ -123,9 +123,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
             if band.drawn.centre < NOWHERE and _is_sliver(overlay, k, cells, lines.get(stripe, [])):
                 continue
             kind = _kind(band.kind, round_[stripe], lines.get(stripe, []))
-            component = Component(
-                kind, band.family, int(overlay.level[stripe]), cells, np.ones(len(cells), bool), None, k, stripe
-            )
+            level, core = int(overlay.level[stripe]), np.ones(len(cells), bool)
+            component = Component(kind, band.family, level, cells, core, None, k, stripe)
             pieces += _parts(overlay, component, lines.get(stripe, []), edge)
     return _visible(overlay, pieces)
 

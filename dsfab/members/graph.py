@@ -79,11 +79,8 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
         in_patch = patch == number
         cell_row = group[0]
         cells = shared.cells[group]
-        patches.append(
-            SharedPatch(
-                int(shared.a[cell_row]), int(shared.b[cell_row]), cells, points[in_patch], shared.cells[row[in_patch]]
-            )
-        )
+        a, b = int(shared.a[cell_row]), int(shared.b[cell_row])
+        patches.append(SharedPatch(a, b, cells, points[in_patch], shared.cells[row[in_patch]]))
     return patches
 
 
@@ -335,9 +332,8 @@ class Joints:
         (T, w), (tangent, width) = tangent_and_width(member_a, places[0]), tangent_and_width(member_b, places[1])
         ends = (_length_beyond(member_a, places[0]) < ENDS * width) + (_length_beyond(member_b, places[1]) < ENDS * w)
         kinds: tuple[NodeKind, ...] = ("crossing", "branch", "end")
-        return Node(
-            "", kinds[ends], (member_a.id, member_b.id), places, _angle(T, tangent), point, self._normal(cell), area
-        )
+        names, angle = (member_a.id, member_b.id), _angle(T, tangent)
+        return Node("", kinds[ends], names, places, angle, point, self._normal(cell), area)
 
     def _grazing(self, pair: tuple[int, int], cells: Ints, area: float) -> Node:
         surface = self.overlay.sheet.surface

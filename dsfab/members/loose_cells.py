@@ -45,9 +45,8 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
         j = int(neighbours[shared.argmax()]) if len(neighbours) else -1
         broad = len(neighbours) > 1 and 4 * area[number] / around[number] > 0.5 * components[j].width(surface.areas)
         if broad or not len(neighbours):
-            result.append(
-                Component("fill" if broad else "plate", "", 0, patch_cells, np.ones(len(patch_cells), dtype=bool))
-            )
+            core = np.ones(len(patch_cells), dtype=bool)
+            result.append(Component("fill" if broad else "plate", "", 0, patch_cells, core))
         else:
             components[j] = components[j].with_cells(patch_cells, core=len(neighbours) == 1)
     return components + result

@@ -135,9 +135,8 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
     crosses, folded = len(sheet.crossing), sheet.V is not V
     if folded:
         V, surface = sheet.V, Surface(sheet.V, surface.F)
-        backslash, pairs = _flip_diagonals(
-            skin, V, D, backslash, intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
-        )
+        pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
+        backslash, pairs = _flip_diagonals(skin, V, D, backslash, pairs)
     if crosses:
         D, pairs = _thin_offsets(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]

@@ -237,14 +237,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
         V = _vertices(skin, repair, F, None if changed else among)
         count, shells = _pieces_and_shells(surface, F)
     repairs, notes = repair_report(surface, D, repair, V, F)
-    solid = Solid(
-        V=V,
-        F=F,
-        genus=shells - _euler_characteristic(F) // 2,
-        pieces=count,
-        notes=(*notes, *rounding_notes(V, F)),
-        repairs=repairs,
-    )
+    genus = shells - _euler_characteristic(F) // 2
+    solid = Solid(V, F, genus, count, (*notes, *rounding_notes(V, F)), repairs)
     check_solid(solid)
     return solid
 

@@ -134,9 +134,8 @@ def _shortest_path(
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
     graph = csr_array((np.tile(lengths, 2), (tails, heads)), shape=(count, count))
     predecessor = dijkstra(graph, directed=False, indices=[source], return_predecessors=True)[1][0]
-    number = {
-        tuple(sorted(pair)): i % len(starts) for i, pair in enumerate(zip(tails.tolist(), heads.tolist(), strict=True))
-    }
+    pairs = zip(tails.tolist(), heads.tolist(), strict=True)
+    number = {tuple(sorted(pair)): i % len(starts) for i, pair in enumerate(pairs)}
     path = list[int]()
     while target != source and predecessor[target] >= 0:
         path.append(number[tuple(sorted((target, int(predecessor[target]))))])

@@ -215,20 +215,26 @@ def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with rhino3dm. Raises ExportError unless all objects are valid and complete, in mm."""
     import rhino3dm
 
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(
-            f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .dxf and .stl instead"
-        )
-    shapes = [item.Geometry for item in model.Objects]
-    meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
-    if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
+    items = _valid_items(part, path, ".dxf and .stl")
+    meshes = [shape for _, shape in items if shape.ObjectType == rhino3dm.ObjectType.Mesh]
+    if len(meshes) != 1:
+        raise count_error(part, "meshes", 1, len(meshes))
     V, F = rhino_arrays(meshes[0])
     result = check_mesh(part, V, F[:, :3])
-    curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
-    check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
+    check_curves(part, {name: _points(x) for name, x in items if x.ObjectType == rhino3dm.ObjectType.Curve})
     return result
+
+
+def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
+    """Return name and geometry of all objects; raises ExportError unless all are valid, and in millimetres."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
+        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write {instead}")
+    if not all(item.Geometry.IsValid for item in model.Objects):
+        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write {instead} instead")
+    return [(item.Attributes.Name, item.Geometry) for item in model.Objects]
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -290,19 +296,11 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with rhino3dm. Raises ExportError unless all members, axes and nodes are valid, in mm."""
     import rhino3dm
 
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .members.dxf")
-    things = [(thing.Attributes.Name, thing.Geometry) for thing in model.Objects]
-    if not all(shape.IsValid for _, shape in things):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .members.dxf instead")
-    kinds = rhino3dm.ObjectType
+    things, kinds = _valid_items(part, path, ".members.dxf"), rhino3dm.ObjectType
     names = {kind: [name for name, x in things if x.ObjectType == kind] for kind in (kinds.Curve, kinds.Point)}
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
-    for what, kind, expected in (
-        ("axes", kinds.Curve, axes),
-        ("nodes", kinds.Point, [node.id for node in graph_of(part).nodes]),
-    ):
+    nodes = [node.id for node in graph_of(part).nodes]
+    for what, kind, expected in (("axes", kinds.Curve, axes), ("nodes", kinds.Point, nodes)):
         if names[kind] != expected:
             raise count_error(part, what, len(expected), len(names[kind]))
     meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}

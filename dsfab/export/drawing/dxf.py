@@ -140,17 +140,22 @@ def reproducible_output() -> Iterator[None]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, every line in its place."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    errors = document.audit().errors
-    if errors or document.header["$INSUNITS"] != 4:
-        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
+    document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
         if entity.has_xdata(APPLICATION):
             points_by_line[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
     return check_curves(part, points_by_line)
+
+
+def _sound_document(part: Part, path: Path, instead: str) -> Any:
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    errors = document.audit().errors
+    if errors or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write {instead} instead")
+    return document
 
 
 def points_along(entity: Any) -> Floats:
@@ -192,9 +197,8 @@ def _member(document: Any, shape: MemberShape, tolerance: float, height: float) 
         yield add_polyline(space, simplified_line(line, tolerance), False, layer)
     place = shape.edges[0].mean(axis=0)
     if len(shape.axis):
-        yield from add_curves(
-            space, curves_along(shape.axis, tolerance), False, _members_layer(document, shape.layer, "AXES")
-        )
+        layer = _members_layer(document, shape.layer, "AXES")
+        yield from add_curves(space, curves_along(shape.axis, tolerance), False, layer)
         place = shape.axis[len(shape.axis) // 2]
     text = space.add_text(shape.id, height=height, dxfattribs={"layer": _members_layer(document, shape.layer, "NAMES")})
     text.set_placement(tuple(place.tolist()))
@@ -211,12 +215,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, a group of lines for each member."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    errors = document.audit().errors
-    if errors or document.header["$INSUNITS"] != 4:
-        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .members.json instead")
+    document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     if sorted(groups) != sorted(shape.id for shape in shapes):
         raise count_error(part, "members", len(shapes), len(groups))

@@ -100,9 +100,8 @@ class _DepthPicture:
 
     def hides(self, points: Floats, margin: float) -> Bools:
         """Return True for points (k, 3) if all nine cells around the point are in front of it by the margin."""
-        cell_index = np.clip(
-            ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2
-        )
+        cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
+        cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
@@ -192,10 +191,8 @@ def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float,
     sizes = [_row_size(row, scale) for row in rows]
     total = sum(height for _, height in sizes)
     beside_title = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
-    gap = max(
-        (PAPER[1] - 2 * PAPER_MARGIN - (0 if beside_title and len(rows) > 1 else title[1]) - total) / (len(rows) + 1),
-        0.0,
-    )
+    height_left = PAPER[1] - 2 * PAPER_MARGIN - (0 if beside_title and len(rows) > 1 else title[1]) - total
+    gap = max(height_left / (len(rows) + 1), 0.0)
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )

@@ -54,7 +54,7 @@ def encode_obj(part: Part) -> Iterator[bytes]:
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
 
 
-def check_obj(part: Part, path: Path) -> ReadBack:
+def check_with_trimesh(part: Part, path: Path) -> ReadBack:
     """Read the file back with trimesh and compare the mesh with the part."""
     return check_mesh(part, *read_with_trimesh(path))
 
@@ -66,11 +66,6 @@ def encode_off(part: Part) -> Iterator[bytes]:
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("3 %d %d %d\n", *part.F.T))
-
-
-def check_off(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh with the part."""
-    return check_mesh(part, *read_with_trimesh(path))
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:

@@ -177,10 +177,8 @@ def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[
     if not len(free):
         return
     first_piece = piece == free[0]
-    x, y, z = (
-        np.round(surface.areas[first_piece] @ surface.centroids[first_piece] / surface.areas[first_piece].sum(), 2)
-        + 0.0
-    ).tolist()
+    areas = surface.areas[first_piece]
+    x, y, z = (np.round(areas @ surface.centroids[first_piece] / areas.sum(), 2) + 0.0).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
     yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")

@@ -197,9 +197,8 @@ def _has_sheet_below(surface: Surface, height: float) -> bool:
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
-    return lowest > float(surface.V[:, 2].min()) + LEVEL * height and not any(
-        _hangs(surface, k) for k in range(len(surface.loops))
-    )
+    is_above = lowest > float(surface.V[:, 2].min()) + LEVEL * height
+    return is_above and not any(_hangs(surface, k) for k in range(len(surface.loops)))
 
 
 def _masts(surface: Surface, outer: list[bool], height: float, span: float) -> list[Foot]:
