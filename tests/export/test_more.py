@@ -191,7 +191,7 @@ def test_vtk_finds_every_field_on_the_uncut_surface_in_metres(which, request, tm
 
 
 def test_a_field_that_fits_neither_vertices_nor_faces_is_refused(tmp_path):
-    with pytest.raises(ExportError, match=r"the field 'u \[m\]' has 7 rows, and 'a' 9 vertices and 8 faces"):
+    with pytest.raises(ExportError, match=r"the field 'u \[m\]' has 7 rows, but 'a' has 9 vertices and 8 faces"):
         write(grid(2, 2, 1, 1), tmp_path / "a.vtu", details=Details(values={"u [m]": np.zeros(7)}))
     form = FORMATS[".vtu"]
     assert form.content == "fields"
