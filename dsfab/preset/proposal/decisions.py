@@ -138,7 +138,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
-    yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+    yield Decision("files", "STL, 3MF, and STEP if it takes little time", "export.formats, export.step")
 
 
 def _load_words(surface: Surface, roof: bool) -> str:
@@ -146,7 +146,7 @@ def _load_words(surface: Surface, roof: bool) -> str:
     snow = (
         f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
     )
-    wind = "; dsfab new writes the lines for wind, too, which it does not carry yet"
+    wind = "; dsfab new also writes lines for wind, as comments"
     words = "its own weight" + (snow if roof or top else "")
     return words + (wind if not roof and wind_lines(surface) else "")
 
@@ -154,8 +154,8 @@ def _load_words(surface: Surface, roof: bool) -> str:
 def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
     points = [foot.points for foot in stands]
     if tips(surface, points):
-        return "; it is also held down there, for its middle lies beside"
-    line = "; it would turn about the line through them: hold it beside that line, too"
+        return "; it is also held down there, because its middle lies outside of them"
+    line = "; it would turn about the line through them: add a support beside that line"
     return line if turns(surface, points) else ""
 
 
@@ -187,7 +187,7 @@ def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[
 def _mesh(surface: Surface, size: Sizes) -> Decision:
     mean = length(surface.mean_edge)
     if not size.edge:
-        return Decision("mesh", f"kept as it is, with edges of {mean}", "surface.edge")
+        return Decision("mesh", f"unchanged, with edges of {mean}", "surface.edge")
     smooth = ", on the smooth surface through its vertices" if size.coarse else ""
-    words = f"made anew with edges of {length(size.edge)} (they are {mean}){smooth}; creases stay"
+    words = f"new, with edges of {length(size.edge)} (in the file {mean}){smooth}; creases stay"
     return Decision("mesh", words, "surface.edge, surface.smooth")
