@@ -68,7 +68,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides count as none
+    guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides are ignored
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0)

@@ -73,7 +73,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
     """Return `statics`, with a share (m,) of each face's weight in the followed cases, at equal stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # as in the first round, with the full weight
+    follow = "layers" if layered else "membrane"  # the first round followed the same stress
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -156,7 +156,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
         candidate.preset, analysis, log, candidate.choice, candidate.grading, candidate.even
     )
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # bytes in blocks that drawing cannot reuse
+    release_freed_memory(4e3 * analysis.surface.m)  # bytes that the drawing of stripes cannot reuse
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 

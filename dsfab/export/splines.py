@@ -26,7 +26,7 @@ class Spline:
         """Return points (k, d) at parameters x (k,)."""
         from scipy.interpolate import BSpline
 
-        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times as fast
+        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times faster
 
 
 def segment_spline(a: Floats, b: Floats) -> Spline:
@@ -131,7 +131,7 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    # so that spans without samples are not singular
+    # a small diagonal keeps spans without samples solvable
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):

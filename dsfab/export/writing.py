@@ -28,7 +28,7 @@ def rows(template: str, *columns: Any) -> Iterator[str]:
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
-        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # saves memory
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # pieces save memory
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 

@@ -272,7 +272,7 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
     """Return a penalised spline through values y (q, d) at x (q,), from 0 to spans x step, with knots a step apart."""
-    degree, penalty = 3, 1e-3  # weight of third differences
+    degree, penalty = 3, 1e-3  # the penalty is the weight of third differences
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]

@@ -40,7 +40,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
         return _unknown_kind(key, detail)
-    if kind == "value_error":  # keys that exclude each other
+    if kind == "value_error":  # for example, two keys exclude each other
         return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":

@@ -22,7 +22,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
-    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # all fields of a family share one
+    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # equal for all fields of a family
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
         if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
@@ -109,7 +109,7 @@ def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # the default where no line has a phase
+    distance = np.full(len(density), 0.5)  # this value stays where no line has a phase
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,

@@ -104,7 +104,7 @@ def cards(model: CalculixModel) -> Iterator[str]:
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
-    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 digits
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 characters of a number
     yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
     yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
     yield from _section(model)
@@ -192,7 +192,7 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx's limit
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx reads 80
     return word if word[:1].isalpha() else f"S{word}"
 
 

@@ -176,7 +176,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
-        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # of the letters of names
+        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # height of letters
         for shape in part.details.shapes:
             entities = list(_member(document, shape, curve_tolerance(part), height))
             for entity in entities:

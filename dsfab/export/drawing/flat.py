@@ -168,7 +168,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        # so that names of 8 mm stay legible on sheets of several metres
+        # names of 8 mm must stay legible on sheets of several metres
         width = min(hair, 0.8) if name == "ENGRAVE" else hair
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'

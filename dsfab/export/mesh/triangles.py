@@ -150,5 +150,5 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
-    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # the number types of lib3mf
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # lib3mf stores these types
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

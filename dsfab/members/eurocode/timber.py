@@ -106,7 +106,7 @@ def section_checks(
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
     pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
     a, t = (edge(section.width, section.thickness) for edge in (np.maximum, np.minimum))
-    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # as in amendment A2:2014
+    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # the limit of amendment A2:2014
     return {
         TENSION: tension,
         COMPRESSION: pressed,

@@ -166,7 +166,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # sample points along each beam, which select six candidates
+    count = 9  # the nearest of these points along each beam give six candidates
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a

@@ -84,7 +84,7 @@ def distinct_names(names: list[str]) -> tuple[str, ...]:
 
 
 def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    tolerance = 0.01  # as a share of the median width
+    tolerance = 0.01  # nodes nearer than this share of the median width merge
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]

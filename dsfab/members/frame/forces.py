@@ -103,7 +103,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # vector to the corner farthest along the axis
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # this corner is the farthest along the axis
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
