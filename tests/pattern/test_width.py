@@ -356,7 +356,7 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
 def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
     preset = dsfab.load_preset("cantilever", JUMPING)
     with pytest.raises(
-        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow more with .*_tolerance"
+        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow a larger .*_tolerance"
     ):
         _ = draft(with_overrides(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
 
