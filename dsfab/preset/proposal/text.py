@@ -85,11 +85,7 @@ def proposal_text(
         _widths(),
         [
             "[slicing]",
-            _entry(
-                "snap",
-                0.01,
-                "share of an edge by which cuts move to a vertex; small, so that mirrored halves are alike",
-            ),
+            _entry("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
             _entry("min_member", size.thickness, "m; narrower members are widened"),
         ],
         *_thickening(surface),
