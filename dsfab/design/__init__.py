@@ -1,4 +1,4 @@
-"""The order of the stages: `run` makes a `Design` from a preset; `revise` repeats it from the first changed section."""
+"""Stages of a design: `run` computes a preset; `revise` repeats a design from its first changed section."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import Design
@@ -10,51 +10,27 @@ from dsfab.design.surface_and_statics import statics_step, surface_step
 from dsfab.preset.model import Preset
 
 __all__ = [
-    "PARTS",
-    "ROWS",
-    "TIMED",
-    "Design",
-    "Log",
-    "Progress",
-    "acting_on",
-    "draft",
-    "held_vertices",
-    "least_widths",
-    "loads_on",
-    "refusal",
-    "revise",
-    "run",
-    "sheet_load",
-    "sheet_loads",
-    "sheet_supports",
-    "silent",
-    "statics_step",
+    "PARTS", "ROWS", "TIMED", "Design", "Log", "Progress", "acting_on", "draft", "held_vertices", "least_widths",
+    "loads_on", "refusal", "revise", "run", "sheet_load", "sheet_loads", "sheet_supports", "silent", "statics_step",
     "surface_step",
-]
+]  # fmt: skip
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slicing", "thickening")
-"""Rows of the timing table that a run fills: those of the paper's Table 2, then the stages beyond the paper."""
+"""Rows of the timing table of a run: those of the paper's Table 2, followed by stages that the paper lacks."""
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
-    """Run all stages of a preset.
-
-    Raises the DsfabError of the stage that refuses, and PresetError if `preset` is a mesh alone.
-    """
+    """Run all stages of a preset. Raises the DsfabError of a stage that fails, and PresetError for a wrong argument."""
     return Design.from_preset(preset, None, progress).until("thickening")
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """Return the design of `preset`, reusing each stage of `design` before the first section that differs.
-
-    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear.
-    """
+    """Return the design of `preset`, and reuse each stage of `design` before the first section that differs.
+    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, earlier: Design | None = None) -> Design:
-    """Run the stages up to the pattern, reusing those of `earlier` before the first section that differs; cut nothing.
-
-    Raises the DsfabError of the stage that refuses.
-    """
+    """Run the stages up to the pattern, without a cut; reuse stages of `earlier` before the first section that differs.
+    Raises the DsfabError of the stage that fails."""
     return Design.from_preset(preset, earlier, progress).until("pattern")

@@ -1,4 +1,4 @@
-"""Objections of the statics to a design, before anything is cut."""
+"""Objections of the statics to a design, before the surface is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -22,18 +22,18 @@ from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import SupportEntry, load_entries, support_entries
 from dsfab.surface import Nearest, Snow, Surface, Wind, load_names, support_names
 
-NEVERTHELESS = "(statics.check = false builds it nevertheless)"
+NEVERTHELESS = "(statics.check = false builds the design nevertheless)"
 
 
 class Objection(NamedTuple):
-    """A sentence with a fault, its place and a remedy; `refuses` if the design must not be built."""
+    """A sentence with a fault, its place and a remedy; `refuses` is True if the fault forbids to build the design."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Yield the objections to a solved sheet, the gravest first."""
+    """Yield the objections to a solved sheet, the most serious first."""
     acting, weight = acting_on(preset, surface), preset.statics.area_weight
     yield from _moving(surface, cases)
     if point := _on_one_vertex(surface, acting, cases):
@@ -46,20 +46,18 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the gravest objection to a sheet, unless `statics.check` is false."""
+    """Raise StaticsError with the most serious objection to a sheet, unless `statics.check` is false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """Return the gravest objection to a sheet, as a sentence; empty without objections, and if `statics.check` is
-    false."""
+    """Return the most serious objection to a sheet; empty without objections, and if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
     """Return a sentence for each point of a picker that is too far from the nearest vertex.
-
     Raises SurfaceError with the first sentence, unless `statics.check` is false."""
     section, messages, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(section.support), *load_names(section.load)]
@@ -78,21 +76,19 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
 
 def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Object to large movements: statics are linear, so that the load or the units must be wrong."""
+    """Object to large movements: statics are linear, so they point to a mistake in the load or the units."""
     worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
     answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
     if answer.largest_displacement > LARGEST_MOVE * span:
         vertex = int(np.linalg.norm(answer.u, axis=1).argmax())
         yield Objection(
             f"the sheet would move by {length(answer.largest_displacement)}{_case_clause(worst, cases)} at "
-            f"{_place(surface.V[vertex])}, over a tenth of its span of {length(span)}: make statics.thickness "
-            "larger, take "
-            "a stiffer material, a smaller load or more supports, or check their units"
+            f"{_place(surface.V[vertex])}, over a tenth of its span of {length(span)}: increase statics.thickness, "
+            "take a stiffer material, a smaller load or more supports, or check the units"
         )
 
 
 def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
-    """Object if one vertex carries nearly all of the reaction, the same vertex under every case."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
     least = np.min(shares, axis=0) if shares else np.zeros(surface.n)
@@ -102,33 +98,32 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
     names = zip(support_names(acting.support), acting.support, strict=True)
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
-        f"{least[vertex]:.0%} of the reaction is on one vertex, at {_place(surface.V[vertex])} ({holding}): let "
-        "the support "
-        "pick a region there, with a ball or a depth, for a sheet cannot stand on a point"
+        f"{least[vertex]:.0%} of the reaction is on one vertex, at {_place(surface.V[vertex])} ({holding}), and a "
+        "sheet cannot stand on a point: let the support pick a region there, with a ball or a depth"
     )
 
 
 def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
-    """Object to a support with few vertices that carries load, because its stress depends on the mesh."""
+    """Object to a loaded support with few vertices, because the stress at it depends on the mesh."""
     for entry in entries:
         share = max(entry.share.values(), default=0.0)
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
             count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
             yield Objection(
                 f"{entry.name} holds only {count}, at {_place(entry.place)}, and carries up to {share:.0%} of the "
-                "reaction: stress there grows as the mesh is made finer; let it pick a region, with a ball or a depth",
+                "reaction: the stress there depends on the mesh; let the support pick a region, with a ball or a depth",
                 refuses=False,
             )
 
 
 def _past_faces(acting: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Object to snow and wind parallel to their faces, for example on a wall that is not quite upright."""
+    """Object to snow and wind parallel to their faces, for example snow on a wall that leans a little."""
     climate = [load for load in acting.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < LEAST_LOAD_SHARE * load.pressure * entry.area:
             yield Objection(
-                f"{entry.name} runs along its faces, and puts {force(entry.total)} on {entry.area:.3g} "
-                "m2: turn its direction, or pick faces that it meets"
+                f"{entry.name} is parallel to its faces, and puts {force(entry.total)} on {entry.area:.3g} "
+                "m2: change its direction, or pick other faces"
             )
 
 
@@ -139,8 +134,8 @@ def _on_supports(
     for name, load in zip(load_names(acting.load), acting.load, strict=True):
         if not load.forces(surface, weight)[free].any():
             yield Objection(
-                f"{name} acts in held directions of held vertices only: the supports take it, and the sheet carries "
-                "nothing of it; move it or the supports",
+                f"{name} acts only on supports, in the directions that they hold, so that the sheet does not carry it; "
+                "move the load or the supports",
                 refuses=False,
             )
 

@@ -1,8 +1,9 @@
-"""The class `Design`: a preset and its stages, each of them computed when it is first needed."""
+"""The class `Design`: a preset and the results of its stages, which are computed on first access."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
@@ -43,16 +44,14 @@ if TYPE_CHECKING:
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
     from dsfab.report.design.save import SavedDesign
 
-
 T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
     """A preset and the results of its stages, computed on first access and held in `StageResults`.
-
-    surface, statics, diffusion, pattern, slicing and solid each raise the DsfabError of their stage. `dsfab.run`
-    computes all of them, `dsfab.design.draft` the stages before the cut, and `dsfab.revise` makes the next design."""
+    surface, statics, diffusion, pattern, slicing and solid raise the DsfabError of their stage. `dsfab.run`
+    computes all of them, `dsfab.design.draft` the stages before the cut; `dsfab.revise` returns a changed design."""
 
     preset: Preset
     _log: Log = field(default_factory=lambda: Log(None))
@@ -60,8 +59,7 @@ class Design:
 
     @classmethod
     def from_preset(cls, preset: Preset, earlier: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """Return a design without results, except those of `earlier` before the first section that differs.
-
+        """Return a design that only has the results of `earlier` before the first section that differs.
         Raises PresetError for an argument that is not a preset, for example a mesh; the message lists the missing keys.
         """
         if not isinstance(preset, Preset):
@@ -79,14 +77,11 @@ class Design:
     @classmethod
     def from_results(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
         """Return a design with given results, by the names of its attributes.
-
-        log : receives the seconds and notes of the stages that are still to be computed.
-        """
+        log : receives the seconds and notes of the stages that are computed later."""
         return cls(preset, log or Log(None), StageResults(results))
 
     def until(self, stage: str) -> Self:
-        """Compute every stage up to `stage`, and return the design itself; raise the DsfabError of the stage that
-        fails."""
+        """Compute every stage up to `stage`, and return the design; raises the DsfabError of a stage that fails."""
         before = STAGES[: STAGES.index(stage) + 1]
         for name in before:
             getattr(self, RESULT_NAMES.get(name, (name,))[0])
@@ -99,23 +94,23 @@ class Design:
         return self._results.has(stage)
 
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """Memoise `make()` under `name`; revisions keep it if only stages after `stage` changed."""
+        """Memoise `make()` under `name`. A revision keeps the result if only stages after `stage` changed."""
         return self._results.derived_value(stage, name, make)
 
     def write(self, path: str | Path, **options: Any) -> Path:
-        """Write one file in the format of its suffix, as `dsfab build` does; see `dsfab.write`."""
+        """Write one file in the format of its suffix; see `dsfab.write`."""
         from dsfab.design.output import write
 
         return write(self, path, **options)
 
     def save(self, folder: str | Path, **options: Any) -> "SavedDesign":
-        """Write into a folder all files that `dsfab build` writes; see `dsfab.save`."""
+        """Write all files of `dsfab build` into a folder; see `dsfab.save`."""
         from dsfab.report.design.save import save
 
         return save(self, folder, **options)
 
     def to_build123d(self) -> "build123d.Shape":
-        """Return the CAD shape, millimetres, that `write("x.step")` writes: smooth where that is possible."""
+        """Return the shape of `write("x.step")` for build123d, millimetres; its faces are smooth where possible."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)
@@ -163,7 +158,7 @@ class Design:
         return pattern_stage(self.preset, self.analysis, self._log, self._stripe_method(self.analysis))
 
     def _stripe_method(self, analysis: StressedSurface) -> ChosenMethod:
-        """Return the method and course of the stripes, computed once for both the sketch and the pattern."""
+        """Return the method and centre lines of the stripes, computed once for both the sketch and the pattern."""
         return self._results.input_of("pattern", "method", lambda: self._chosen_method(analysis))
 
     def _chosen_method(self, analysis: StressedSurface) -> ChosenMethod:
@@ -175,36 +170,31 @@ class Design:
         return chosen_method(self.preset, analysis, self._log, self._results.existing_input("earlier stripes"))
 
     def _rough_design(self) -> "Design | None":
-        """Return a design with rough statics and a separate log, for a sketch before better elements are solved.
-
-        None if better elements are solved already, or if rough statics save no time.
-        """
+        """Return a design with rough statics and its own log, for a sketch before accurate elements are solved.
+        None if the accurate statics exist already, or if rough statics save no time."""
         if self.has("statics"):
             return None
         return self._results.input_of("pattern", "rough design", self._design_with_rough_statics)
 
     def _design_with_rough_statics(self) -> "Design | None":
-        solved = self._results.input_of(
-            "statics", "solved sheet", lambda: checked_sheet(self.preset, self.surface, self._log)
-        )
+        make = partial(checked_sheet, self.preset, self.surface, self._log)
+        solved = self._results.input_of("statics", "solved sheet", make)
         statics = rough_statics(self.preset, self.surface, solved)
         log = Log(self._log.progress)
         return self.from_results(self.preset, log, surface=self.surface, statics=statics) if statics else None
 
     def _valid_rough_design(self) -> "Design | None":
-        """Return the rough design of a sketch if the pattern follows the same stress in it as in this design."""
         rough: Design | None = self._results.existing_input("rough design")
         return rough if rough and same_followed_stress(rough.statics, self.statics) else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
         """Return a design with an approximate pattern in a tenth of the time, for a first picture.
 
-        modes   : whether modes are needed. If false, modes that evenly spaced stripes do not use are not computed.
-        answers : whether stress and energy must be those of the design; otherwise rough values suffice.
+        modes   : False to skip modes that evenly spaced stripes do not use.
+        answers : True for the stress and energy of the design, False for rough values.
 
-        None if counting points cannot give the widths: `pattern` raises the reason. Raises the DsfabError of the
-        stage that refuses.
-        """
+        None if the approximate count of material cannot give the widths; then `pattern` raises the reason.
+        Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics
         source, options = self._rough_design() or self, self.preset.pattern
@@ -216,13 +206,8 @@ class Design:
         method = source._stripe_method(analysis)
         with suppress(PatternError):
             pattern = sketched_pattern(analysis, method)
-            results = {
-                "surface": analysis.surface,
-                "statics": analysis.statics,
-                "diffusion": analysis.diffusion,
-                "pattern": pattern,
-            }
-            return self.from_results(self.preset, None, **results)
+            results = {"statics": analysis.statics, "diffusion": analysis.diffusion, "pattern": pattern}
+            return self.from_results(self.preset, None, surface=analysis.surface, **results)
         return None
 
     @property
@@ -233,7 +218,7 @@ class Design:
     def _slicing(self) -> SlicingResult:
         require_buildable(self.preset, self.statics)
         result = slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
-        if self.pattern.trial is not None:  # large, unused later
+        if self.pattern.trial is not None:  # the trial is large, and no later stage uses it
             self._results.replace("pattern", replace(self.pattern, trial=None))
         return result
 
@@ -244,17 +229,15 @@ class Design:
 
     @property
     def members(self) -> "MemberGraph":
-        """The members of the sheet by name, and the nodes between them."""
-        from dsfab.members import member_graph  # slow to import, and few designs need it
+        """The members of the sheet, with names, and the nodes between members."""
+        from dsfab.members import member_graph  # slow to import, and few designs need members
 
         return self.cached_result("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
     @property
     def frame(self) -> "Frame":
         """The members as beams between nodes, with supports and loads.
-
-        Raises StaticsError if no member has an axis, or if nothing carries a load.
-        """
+        Raises StaticsError if no member has an axis, or if the sheet lost a load."""
         return self.cached_result("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
@@ -271,16 +254,15 @@ class Design:
 
     @property
     def member_utilisation(self) -> "Utilisation":
-        """Forces of members over their resistance by the standard of their material, see `dsfab.members.eurocode`.
+        """Forces of members over their resistance by the standard of the material, see `dsfab.members.eurocode`.
+        Raises StaticsError if neither the material nor a strength is set."""
+        return self.cached_result("slicing", "member utilisation", self._member_utilisation)
 
-        Raises StaticsError if neither the material nor a strength is set.
-        """
-        return self.cached_result(
-            "slicing", "member utilisation", lambda: member_utilisation(self.preset, self.members, self.member_forces)
-        )
+    def _member_utilisation(self) -> "Utilisation":
+        return member_utilisation(self.preset, self.members, self.member_forces)
 
     def frame_agreement(self) -> "list[FrameAgreement]":
-        """Compare beams and sheet, by case and combination."""
+        """Compare the beam model with the sheet, in each case and combination."""
         return self.cached_result("slicing", "frame agreement", self._frame_agreement)
 
     def _frame_agreement(self) -> "list[FrameAgreement]":
@@ -297,9 +279,7 @@ class Design:
 
     @property
     def fields(self) -> Mapping[str, Floats] | None:
-        """Fields of the VTU file by name, (n, ...) or (m, ...), if a folder held the design; None for a computed
-        design.
-        """
+        """Fields of the VTU file by name, (n, ...) or (m, ...), if the design comes from a folder; else None."""
         return self._results.result("fields", lambda: None)
 
     @property
@@ -319,12 +299,12 @@ class Design:
 
     @property
     def file(self) -> FileRecord | None:
-        """The record of the surface file: data read, repaired and dropped; None if no file is read, or not yet."""
+        """Record of data read, repaired and dropped in the surface file; None without a file, or before it is read."""
         return self._log.file
 
     @property
     def resolved_preset(self) -> Preset:
-        """The preset with the results of all searches: it makes the same design without a search."""
+        """The preset with the results of all searches in place of `auto`; it gives the same design without a search."""
         return self.pattern.preset_with_choices(self.preset)
 
     @property
@@ -334,17 +314,13 @@ class Design:
 
     def quality(self, symmetry: bool = True) -> PatternQuality:
         """Measure the quality of the pattern, on the sheet if it exists, else on the stripes.
-
-        symmetry : whether the error of the symmetry is measured too, which takes longest.
-        """
+        symmetry : True to measure the error of the symmetry, too, which takes longest."""
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """The loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if nothing carries a
-        load.
-        """
+        """Loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if the sheet lost a load."""
         return self._loads_on_sheet(self.preset.followed_weights)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -352,10 +328,8 @@ class Design:
 
     @property
     def section_forces(self) -> dict[str, SectionForces]:
-        """n, m and q on each face of the cut sheet, by case and combination, see `dsfab.statics.SectionForces`.
-
-        Raises StaticsError if nothing carries a load.
-        """
+        """Forces n, m and q on each face of the cut sheet, by case and combination, see `dsfab.statics.SectionForces`.
+        Raises StaticsError if the sheet lost a load."""
         return self.cached_result("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
@@ -375,7 +349,7 @@ class Design:
 
 
 def summary_lines(design: Design) -> Iterator[str]:
-    """Yield lines of text for a reader: one for the design and one for each result."""
+    """Yield lines of text: one for the design and one for each result."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):
@@ -391,4 +365,4 @@ def summary_lines(design: Design) -> Iterator[str]:
         pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
         yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
     if not design.has("thickening"):
-        yield "  stages that are not listed run on first access"
+        yield "  dsfab runs all other stages on first access"

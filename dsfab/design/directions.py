@@ -1,4 +1,4 @@
-"""Stage 3: diffusion tensors, modes and directions of the material, and steering by the user."""
+"""Stage 3: diffusion tensors, modes and directions of the stripes, and changes of directions by the user."""
 
 from dataclasses import dataclass
 
@@ -29,7 +29,7 @@ from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the stress (m, 3, 3), Pa, that the pattern follows: of one case, or combined from several."""
+    """Return the stress (m, 3, 3), Pa, of each face that the pattern follows: of one case, or combined from several."""
     sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -37,9 +37,7 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """Return axes (3, 3), by rows, for signs and bases of modes; they follow loads and supports, so turn with the
-    design.
-    """
+    """Return axes, the rows (3, 3), for signs and bases of modes; they follow loads and supports, not x, y and z."""
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -48,7 +46,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """Stage 3: return tensors and modes of both families."""
+    """Return tensors and modes of both families: stage 3."""
     options = preset.diffusion
     if log.progress:
         log.progress("diffusion", f"computing {options.modes} modes of both families")
@@ -62,11 +60,10 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
         asymmetry = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
         log.note(
             "diffusion",
-            f"modes are the same at {symmetry.order} images ({', '.join(options.symmetry)}), to {asymmetry:.1g} "
-            "of their size "
-            "on this mesh",
+            f"modes are symmetric ({', '.join(options.symmetry)}, {symmetry.order} images), with an error of "
+            f"{asymmetry:.1g} of their size on this mesh",
         )
-    # measured: 3.2 sqrt(r) cells across a surface keep the first eigenvalues within 10 % at anisotropy r
+    # measured: with 3.2 sqrt(r) cells across a surface, the first eigenvalues at anisotropy r have errors below 10 %
     edge = np.sqrt(surface.area) / (3.2 * np.sqrt(options.r))
     if surface.mean_edge > edge:
         log.note(
@@ -95,19 +92,18 @@ def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> D
 
 
 def _unclear_direction_message(share: float, labelling: Labelling) -> str:
-    """Return a note if most of the surface has no clear direction. Larger loads do not help: all stress grows alike."""
     alike = "as large" if labelling == "magnitude" else "nearly the same"
     hint = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
     return (
-        f"{share:.0%} of the surface has no clear stress direction, both principal stresses are {alike} there: stripes "
-        f"run as they do around it; diffusion.isotropy = 0 follows the smallest difference{hint}"
+        f"{share:.0%} of the surface has no clear stress direction, because both principal stresses are {alike}: "
+        f"stripes run as in the parts around; diffusion.isotropy = 0 follows the smallest difference{hint}"
     )
 
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Rotation of the stripes from the stress, radians; guides; the symmetry that remains; a note for the user, or
-    ''."""
+    """Changes of stripe directions by the user: rotation from the stress (radians), guides, the symmetry that remains,
+    and a note for the user, or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -115,24 +111,23 @@ class Steering:
     told: str = ""
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """Return how clear directions are (m,), 0 to 1, from the clarity of the stress (m,) and the guides."""
+        """Return the clarity of the directions (m,), 0 to 1, from that of the stress (m,) and from the guides."""
         return np.minimum(stress + self.guide_weights(surface), 1.0) if self.guidance else stress
 
     def guide_weights(self, surface: Surface) -> Floats:
-        """Return the weight of the guides on each face (m,)."""
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def outcome(self, surface: Surface, along: Floats, directions: StressDirections, over: Bools) -> StripeSteering:
-        """Return the outcome: along (n, 3) are directions of the major stripes; over (n,) see `family_crossings`."""
-        first_share, second_share = (
-            (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1)
-        )
+        """Return the final steering for the directions `along` (n, 3) of the major stripes.
+        over : (n,) True at vertices where the two families exchange names, see `family_crossings`."""
+        cosines = (np.einsum("mcx,mx->mc", along[surface.F], directions.direction[:, k]) for k in (0, 1))
+        first_share, second_share = ((cosine**2).sum(axis=1) for cosine in cosines)
         crossed = over[surface.F].mean(axis=1) > 0.5
         messages = [self.told] * bool(self.told)
         if share := float(surface.areas @ crossed) / surface.area:
             messages.append(
-                f"the two stresses cross: on {share:.0%} of the surface members go on as the other family, so that "
-                "none ends where they do"
+                f"the larger principal stress changes its direction: on {share:.0%} of the surface members change "
+                "their family, so that none ends there"
             )
         along_one = first_share / np.maximum(first_share + second_share, np.finfo(float).tiny)
         return StripeSteering(along_one, self.guide_weights(surface), crossed, "; ".join(messages))
@@ -140,17 +135,13 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the steering of a pattern.
-
-    symmetry : of surface, supports and loads.    spacing : metres, for guides without a reach.
-
-    Raises PatternError for an angle on a one-sided surface, and for a guide that acts nowhere.
-    """
+    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without a reach.
+    Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
         raise PatternError(
-            f"pattern.rotate = {options.rotate:g}: nothing says which way to turn on a surface with one side "
-            "only, like a "
-            "Moebius strip; use 0 or 90"
+            f"pattern.rotate = {options.rotate:g}: a one-sided surface, like a Moebius strip, does not define the "
+            "sense of rotation; use 0 or 90"
         )
     guidance = Guidance.from_guides(frames, options.guide, spacing)
     group, message = symmetry, ""
@@ -162,17 +153,14 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
         causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
         if causes:
             message = (
-                f"surface, supports and loads are the same at {symmetry.order} images, the pattern at "
-                f"{remaining_order} of them: "
-                f"{' and '.join(causes)} {'break' if causes[-1] == 'guides' else 'breaks'} the rest"
+                f"surface, supports and loads have a symmetry of {symmetry.order} images, the pattern of "
+                f"{remaining_order}, because of {' and '.join(causes)}"
             )
     return Steering(float(np.radians(options.rotate)), guidance, group, message)
 
 
 def _keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return whether each image (g,) keeps the sense of rotation on the surface: 90 % of the area suffices on a
-    mesh.
-    """
+    """Return True for each image (g,) that keeps the sense of rotation on 90 % of the area; a mesh is never exact."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -195,12 +183,9 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the selected elements and their number; None and 1 if only the identity remains, or if they form no
-    group."""
-    R, maps = (
-        symmetry.R[selected],
-        tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected),
-    )
+    """Return the selected symmetry and its order; None and 1 for the identity alone, or if they form no group."""
+    R = symmetry.R[selected]
+    maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):
         return None, 1
     return Symmetry(R, maps, symmetry.faces[selected]), len(R)

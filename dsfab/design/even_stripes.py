@@ -1,4 +1,4 @@
-"""Evenly spaced stripes: their directions, densities and phases, and lines that end where they crowd."""
+"""Evenly spaced stripes: their directions, densities and phases, and lines that end in crowded places."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -39,17 +39,15 @@ from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, link_components
 
 SLOPES = (0.6, 1.6)
-"""Bounds of the growth of a phase over the wanted growth; only singular faces exceed them."""
+"""Limits of the actual over the wanted growth of a phase; only faces around singular points exceed them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
     """The lines of one family.
-
-    most, wish : largest number of halvings, and (m,) the wanted number on each face.    slope : (n,) periods per metre.
-    free       : (m,) wanted number of halvings without limits, also negative.
-    grown      : total growth of the phase over the wanted growth.
-    """
+    most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face.
+    free  : (m,) as `wish`, but without limits, also negative.
+    slope : (n,) periods per metre at each vertex.    grown : actual over wanted growth of the phase, in total."""
 
     phase: CornerPhase
     most: int
@@ -61,12 +59,12 @@ class FamilyLines:
 
 @dataclass(frozen=True, eq=False)
 class StripeDirections:
-    """Directions and constraints that both families follow.
+    """Directions and constraints of both families.
 
-    along   : (n, 3) directions of the major stripes.    confidence : (m,) their clarity, 0 to 1.
-    moved   : (n,) movement of the vertices under the followed loads, in any unit.
-    members : curves of guides that become members.
-    """
+    given      : directions of the principal stresses.    along : (n, 3) directions of major stripes at vertices.
+    confidence : (m,) clarity of the directions on each face, 0 to 1.
+    moved      : (n,) displacement of the vertices under the followed loads, in any unit.
+    members    : curves of guides that become members."""
 
     frames: Frames
     given: StressDirections
@@ -80,7 +78,7 @@ class StripeDirections:
 
     @classmethod
     def from_statics(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Return the directions of a preset, for spacings of the drawn families, metres."""
+        """Return the directions of a preset; `spacings` (m) are those of the drawn families."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
@@ -100,11 +98,11 @@ class StripeDirections:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """Directions (n, 3) of the gradients of both phases, square to the stripes."""
+        """Directions (n, 3) of the gradients of the major and the minor phase, at right angles to the stripes."""
         return cross(self.frames.normal, self.along), self.along
 
     def steered_with_members(self, families: Sequence[FamilyLines]) -> StripeSteering | None:
-        """Return the steering of the families, with messages on the curves of guides that become members."""
+        """Return the steering of the families, with a message on each guide's curve that becomes a member."""
         if self.steered is None or not self.members:
             return self.steered
         surface, messages = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -117,39 +115,40 @@ class StripeDirections:
 
 
 def _member_message(line: GuideLine, share: float, across: bool) -> str:
-    """Return a message on the share of a guide's curve that is a member, and on its direction across the stress."""
     key = f"pattern.guide.{line.number}"
     other_family = FAMILIES[1 - FAMILIES.index(line.family)]
     hint = (
-        f"; the {other_family} family runs along it by itself: family = '{other_family}' bends less" if across else ""
+        f"; the {other_family} family follows this curve by itself: family = '{other_family}' bends less"
+        if across
+        else ""
     )
-    if share >= 0.995:  # a few sample points may lie beside the member
+    if share >= 0.995:  # a few sample points of the curve may lie beside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
     return (
-        f"a {line.family} member runs on {share:.0%} of the curve of {key} only: another guide, an edge or a point "
-        f"around which stripes turn is in its way; move the curve{hint}"
+        f"a {line.family} member follows only {share:.0%} of the curve of {key}, because of another guide, an edge "
+        f"or a point around which stripes turn; move the curve{hint}"
     )
 
 
 def _directions(
     options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """Return directions (n, 3) of the major stripes, smoothed over `length` metres, and the vertices (n,) after an
-    exchange.
+    """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and vertices (n,) with exchanged
+    families.
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
-    The search for crossings of the two stresses comes before smoothing. From one side to the other the larger stress
-    turns by a right angle; any direction between would be equally smooth and make singular points along the curve.
-    """
+    The search for crossings of the two stresses precedes smoothing. Across a crossing the direction of the larger
+    stress turns by a right angle. Smoothed directions in between would be meaningless, with singular points along
+    crossing."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         return images.directions(frames, cross_field(frames, stress, length, steer.turn, steer.guidance))
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # measured on eight plates: over 1 edge a face joins both sides of a crossing, over .25 edges noise joins them
+        # measured on eight plates: with 1 edge, a face joins both sides of a crossing; with .25 edges, noise joins them
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no room for two members: with 1.6 lengths, four members of a floor had loose ends
+        # a smaller region has no space for two members: with 1.6 lengths, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -158,7 +157,7 @@ def _directions(
 
 
 def _region_areas(frames: Frames, crossed: Bools) -> Floats:
-    """Return the area (n,), m2, of the region around each vertex in which families keep their names."""
+    """Return the area (m2) of the region around each vertex (n,) in which the families keep their names."""
     surface, (i, j) = frames.surface, frames.ends.T
     inside = crossed[i] == crossed[j]
     count, region = link_components(surface.n, i[inside], j[inside])
@@ -166,14 +165,13 @@ def _region_areas(frames: Frames, crossed: Bools) -> Floats:
 
 
 def _exchanged_on(directions: StressDirections, faces: Bools) -> StressDirections:
-    """Return the directions with the first and the second stress exchanged on marked faces (m,)."""
     order = np.where(faces[:, None], [1, 0], [0, 1])
     stress = np.take_along_axis(directions.stress, order, axis=1)
     return StressDirections(stress, np.take_along_axis(directions.direction, order[:, :, None], axis=1))
 
 
 def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """Return vertices (n,) where the families exchange names; none if guides use the names, or if images disagree."""
+    """Return vertices (n,) where the families exchange names; none with guides, or if symmetric images disagree."""
     crossed = family_crossings(frames, along)
     symmetric = np.abs(images.mean(crossed.astype(float)) - crossed).max() < 0.5
     return crossed if symmetric and not options.is_steered else np.zeros_like(crossed)
@@ -181,11 +179,9 @@ def _crossed_over(options: Pattern, frames: Frames, along: Floats, images: Image
 
 @dataclass(frozen=True, eq=False)
 class FamilyCourse:
-    """The course of a family for any spacing.
-
-    g : (n, 3) direction of the phase's gradient.    u : (n,) logarithm of the density.    halved : where lines are
-        halved.
-    start : (n,) where the phase begins.             members : curves that become members of the family.
+    """Directions and density of one family, from which its lines follow for any spacing.
+    g     : (n, 3) direction of the phase's gradient at each vertex.    u : (n,) logarithm of the density.
+    start : (n,) weight of each vertex as a start of the phase.    members : curves that become members of the family.
     """
 
     follow: StripeDirections
@@ -198,9 +194,7 @@ class FamilyCourse:
     @classmethod
     def for_family(cls, directions: StripeDirections, name: str, halve: bool) -> Self:
         """Return the course of a family by its name.
-
-        Lines run through the most stressed places: the start is the stress to the fourth power.
-        """
+        Lines run through the places of largest stress: `start` is the fourth power of the stress."""
         g = directions.gradients[FAMILIES.index(name)]
         surface = directions.frames.surface
         size = vertex_means(surface, np.abs(directions.given.stress).max(axis=1))
@@ -210,19 +204,17 @@ class FamilyCourse:
 
     @property
     def without_halving(self) -> Self:
-        """Return the same course without halving: every line is drawn along its whole length."""
+        """The same course without halving: no line ends early."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> FamilyLines:
-        """Return the lines of the family, `spacing` metres apart on average.
-
-        Two phases differ by half a period. The chosen phase puts lines where stressed places move, because held places
-        are
-        stiff without a line."""
+        """Return the lines of the family, on average `spacing` (m) apart.
+        Of two phases that differ by half a period, the chosen phase puts lines where stressed places move. Supported
+        places are stiff without a line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # loops keep whole periods after halving
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # closed lines then have whole periods after halving
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -241,21 +233,20 @@ class FamilyCourse:
 
 
 def _movement(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the size of displacements (n,), summed over the followed loads; 1 everywhere if all are zero."""
+    """Return the size of the displacement (n,), summed over the followed loads; 1 at all vertices if all are zero."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed_weights.items()]
     movement = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(movement if np.any(movement) else np.ones(surface.n))
 
 
 def no_lines(surface: Surface, spacing: float) -> FamilyLines:
-    """Return a family that is not drawn: it has no phase on any face."""
+    """Return an empty family: it has no phase on any face."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return FamilyLines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:
-    """Return the symmetry of surface, supports and followed loads, unless the preset excludes it."""
     if preset.pattern.symmetry == "none":
         return None
     loads = list(statics.loads(preset.followed_weights).values())
@@ -263,7 +254,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return periods per metre (n,) around each vertex, from `size` (m,) on faces with a phase."""
+    """Return periods per metre (n,) around each vertex, from the gradient's `size` (m,) on regular faces."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -271,20 +262,19 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return whether the pattern follows the stress of the middle surface; optimal forces exist for that only."""
+    """Return True if the pattern follows the stress of the middle surface, as optimal forces require."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return the statics with stresses of the stiffest sheet of varying thickness in place of the followed stresses.
-
-    Each stress is multiplied by the local thickness over that of the whole sheet. Raises PatternError if the pattern
-    follows bending."""
+    """Return statics in which stresses of the stiffest sheet of varying thickness replace the followed stresses.
+    Each stress is scaled by its local over the constant thickness. Raises PatternError if the pattern follows
+    bending."""
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
-            'pattern.forces = "optimal" seeks forces in the surface, and the pattern follows bending here: set '
-            'pattern.forces = "uncut", or statics.stress = "membrane" where the surface is curved'
+            'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
+            'pattern.forces = "uncut", or statics.stress = "membrane" if the surface is curved'
         )
     names, weights = list(preset.followed_weights), np.array(list(preset.followed_weights.values()))
     sheet, loads = preset.statics.sheet().model_for(surface), statics.loads(names)
@@ -295,16 +285,13 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 FINEST = 0.5
-"""Least spacing of stripes in mean edges: members much thinner than triangles are ragged."""
+"""Least spacing of stripes, in mean edges: members much thinner than a triangle are ragged."""
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return whether two [pattern] sections give the same centre lines: all keys are equal except widths and kept
-    regions.
-
-    Keys that only stripes on modes use make no difference. A new key counts until this function names it. With
-    rounds of weight, every key counts.
-    """
+    """Return True if two [pattern] sections give the same centre lines: only widths and kept regions may differ.
+    Keys for stripes on modes make no difference, either. Any new key counts, until this function names it. With
+    rounds of weight, every key counts."""
     if current.rounds:
         return earlier == current
 
@@ -322,10 +309,8 @@ def same_stripes(earlier: Pattern, current: Pattern) -> bool:
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """Return the evenly spaced stripes that [pattern] requests.
-
-    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface.
-    """
+    """Return the evenly spaced stripes of [pattern].
+    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface."""
     options = preset.pattern
     if options.forces == "optimal":
         statics = optimal_statics(preset, surface, statics)
@@ -337,7 +322,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     courses = {k: FamilyCourse.for_family(directions, FAMILIES[k], options.may_halve) for k in drawn_families}
     families = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
     for name, lines, spacing in zip(FAMILIES, families, spacings, strict=True):
-        if lines.grown < 0.5:  # two stripes do not fit around the surface
+        if lines.grown < 0.5:  # the surface is too small for two stripes
             raise _too_far_error(name, spacing, surface)
     divided = _redrawn_lines(directions, courses, families, spacings)
     stripes = divided.stripes(directions)
@@ -348,10 +333,9 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines, redrawn if the spacing, metres, of the remaining lines is off by over 5 %.
-
-    If all or none of its lines are halved, a family may miss any spacing by half. A family that is still off by 30 %
-    is drawn without halving."""
+    """Return both families of lines, redrawn if the mean spacing (m) of the remaining lines is off by over 5 %.
+    A family with all or no lines halved may miss any spacing by half. A family still off by 30 % is drawn
+    without halving."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -359,7 +343,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # only drawn lines show the spacing, because levels end at whole openings
+        for k in redo:  # the spacing is known only after drawing, because halved lines end at whole openings
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -368,7 +352,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithms (2,) of drawn over requested stripes per metre, on average."""
+    """Return the logarithm of drawn over requested stripes per metre, on average, for each family (2,)."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
@@ -377,7 +361,7 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
     if spacing < FINEST * surface.mean_edge:
         raise PatternError(
             f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose edges are "
-            f"{surface.mean_edge:.3g} m long on average: ask for {_digits(FINEST * surface.mean_edge)} m or more, or "
+            f"{surface.mean_edge:.3g} m long on average: set {_digits(FINEST * surface.mean_edge)} m or more, or "
             "make the mesh finer (surface.edge or surface.refine)"
         )
     if spacing > surface.size:
@@ -387,9 +371,8 @@ def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
 def _too_far_error(name: str, spacing: float, surface: Surface) -> PatternError:
     default = Family().distance(surface.area, surface.mean_edge)
     return PatternError(
-        f"pattern.{name}.spacing = {spacing:.4g} m is too far for this surface, which is {surface.size:.3g} m from "
-        f"corner to corner: not even one stripe and the next fit on it; {default:.2g} m "
-        f"is the default{_as_millimetres(spacing, surface)}"
+        f"pattern.{name}.spacing = {spacing:.4g} m is too large for two stripes on this surface, which is "
+        f"{surface.size:.3g} m from corner to corner; the default is {default:.2g} m{_as_millimetres(spacing, surface)}"
     )
 
 
@@ -405,11 +388,9 @@ def _digits(length: float) -> str:
 
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
-    """Both families without the lines dropped where they crowd; density : (n, 2) remaining lines per metre.
-
-    The density is the mean over all images of a point, because widths follow it, and faces are less symmetric than
-    vertices.
-    """
+    """Both families after lines end in crowded places; density : (n, 2) remaining lines per metre of each family.
+    The density is the mean over all symmetric images of a point, because widths depend on it, and faces of a mesh are
+    less symmetric than vertices."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving
@@ -426,7 +407,6 @@ class _DividedFamilies:
         return cls(families, divided, np.stack([lines.slope for lines in families], axis=1) * remaining)
 
     def stripes(self, directions: StripeDirections) -> EvenStripes:
-        """Return the evenly spaced stripes."""
         surface, (major, minor) = directions.frames.surface, self.both
         slope = np.stack([major.slope, minor.slope], axis=1)
         phases = major.phase, minor.phase

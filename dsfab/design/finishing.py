@@ -1,4 +1,4 @@
-"""Options of finishing from a preset: slits, least openings and widths; and shares that finishing adds to a pattern."""
+"""Options of finishing from a preset: slits, least openings and widths; also the material that finishing adds."""
 
 from typing import NamedTuple
 
@@ -18,12 +18,11 @@ from dsfab.slicing.finishing.finish import (
 from dsfab.surface import Surface
 
 SPECK = 0.15
-"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled.
-Such an opening is a rest at the edge of the surface."""
+"""Smallest opening between evenly spaced stripes, as a share of their spacing: smaller openings, remainders at the edge
+of the surface, become material."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
-    """Return the options of finishing for the cut of a pattern."""
     slicing, merge = preset.slicing, merges_slits(preset, pattern)
     opening, neck = smallest_widths(pattern.preset_with_choices(preset), surface)
     return FinishingOptions(
@@ -40,19 +39,16 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Return which members with a slit between them merge, in tidied patterns; see `merging_rule`.
-
-    Patterns without stripes keep their slits, so that a topology optimisation, cut by the same preset, keeps its mass.
+    """Return the members that merge across a slit in tidied patterns; see `merging_rule`.
+    Patterns without stripes keep their slits. So a topology optimisation that is cut by the same preset keeps its mass.
     """
     has_stripes = pattern.even is not None or pattern.preset_with_choices(preset).pattern.method == "modes"
     return merging_rule(preset) if pattern.tidy is not None and has_stripes else "none"
 
 
 def merging_rule(preset: Preset) -> Merging:
-    """Return whether all slits are filled, or only those of crowded members.
-
-    With more than half of the surface solid, members are hardly narrower than openings anyway.
-    """
+    """Return the rule for filling slits: all slits, or only those of crowded members.
+    If more than half of the surface is solid, members are hardly narrower than openings, so slits are normal."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -60,10 +56,8 @@ def trial_cut(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> TrialCut | None:
     """Return the cut of a pattern, finished up to the first rounding of corners; None without material.
-
-    It uses the defaults of [slicing], because no stage depends on a later section.
-    polygons : the surface cut along the pattern, if it exists.
-    """
+    The defaults of [slicing] apply, because no stage depends on a later section.
+    polygons : the surface cut along the pattern, if the caller has it."""
     preset = preset.model_copy(update={"slicing": Slicing()})
     options = finishing_options(preset, surface, pattern)
     cells = sheet_of(polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy))
@@ -71,11 +65,8 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges, and with least widths if a workshop needs them; also the share of added
-    material.
-
-    Bridges fill gaps that are too narrow between rounded members.
-    """
+    """Return a trial cut with bridges and, for a workshop, with least widths; also the added share of the surface.
+    A bridge fills a gap between rounded members that is too narrow."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
         trial = trial.with_least_widths(*_usual_widths(preset, surface))
@@ -83,23 +74,21 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest openings and necks, metres, or 0: smaller openings are filled, and smaller necks bridged.
-
-    Evenly spaced openings have necks about as wide as the sheet is thick.
-    """
+    """Return the smallest opening and the smallest neck (m), or 0: smaller openings are filled, smaller necks bridged.
+    Openings between evenly spaced stripes have necks about as wide as the sheet is thick."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     thickness = preset.statics.thickness
-    # slits between tidied members are filled anyway
+    # another rule already fills slits between tidied members
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # a neck exceeds the thickness by a tenth, because chords round the corners beside a bridge
+    # the neck is a tenth wider than the thickness, because chords round the corners beside a bridge
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
 REQUESTED_SHARE = 0.95
-"""Least width of a requested member over the request: on flat triangles widths are right to a few percent."""
+"""Least actual over requested width of a member: on flat triangles widths have an error of a few percent."""
 
 
 class WorkshopWidths(NamedTuple):
@@ -111,7 +100,6 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
-
     By default no member is narrower than half the thickness, about the width of a cutter. This default is also the
     largest limit for members: if [slicing] requests more, only members between openings with round corners are widened.
     """
@@ -120,22 +108,19 @@ def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     slicing, thickness = preset.slicing, preset.statics.thickness
     gap = usual_gap(thickness, surface.size) if slicing.min_gap is None else slicing.min_gap
     unlimited = preset.pattern.width.min_width == 0
-    usual = (
-        0.0 if unlimited else min(0.5 * thickness, REQUESTED_SHARE * _least_requested_member(preset.pattern, surface))
-    )
+    requested = REQUESTED_SHARE * _least_requested_member(preset.pattern, surface)
+    usual = 0.0 if unlimited else min(0.5 * thickness, requested)
     return WorkshopWidths(gap, usual if slicing.min_member is None else min(slicing.min_member, usual))
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """Return the least width of openings, metres, for a thickness and a diagonal of the surface's box, metres.
-
-    It is a quarter of the thickness, and at least 3 mm for a blade, or a 500th of the size of small things.
-    """
+    """Return the least width (m) of openings, for a thickness (m) and a diagonal (m) of the surface's box.
+    It is a quarter of the thickness, and at least 3 mm for a saw blade, or a 500th of the size of small designs."""
     return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
 def _least_requested_member(options: Pattern, surface: Surface) -> float:
-    """Return the least member width, metres, that the preset requests or permits; infinite without any."""
+    """Return the least member width (m) in the preset; infinite if the preset sets no width."""
     width = options.width
     member = width.member if width.rule == "constant" else 0.0
     widths_differ = options.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
@@ -144,10 +129,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the least width, metres, of evenly spaced members of varying width, for any thickness.
-
-    It is half the width that equally wide members would have; without a solid fraction half the surface is material.
-    """
+    """Return the least width (m) of evenly spaced members of varying width.
+    It is half the width that equally wide members would have; without a solid fraction half the surface is material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -155,14 +138,11 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def kept_to_least_widths(
     preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
 ) -> Sheet:
-    """Return cells, cut from a surface, without narrow places, as far as added material can; note the number of
+    """Return the cells of a cut surface, with material added in narrow places where possible; note the number of
     changes.
-
-    Filled strips leave needles with edges of a micrometre, on which quadrature and sparse solvers lose digits. So cells
-    are flipped and collapsed within the faces of the surface, without a move of the material's edges.
-
-    trial : the trial cut of these cells: its steps are not repeated.
-    """
+    Filled strips leave slivers with edges of a micrometre, where quadrature and sparse solvers lose digits. So cells
+    are flipped and collapsed within the faces of the surface; the edges of the material do not move.
+    trial : the trial cut of these cells, whose steps are reused."""
     if not any(least := least_widths(preset, surface)):
         return cells
     widened = least_widths_of(cells, *least, options, trial)
@@ -175,9 +155,7 @@ def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
     """Return the share of the surface that least widths add to the sheet of a pattern, by the defaults of [slicing].
-
-    polygons : the surface cut along the pattern, if it exists.
-    """
+    polygons : the surface cut along the pattern, if the caller has it."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
@@ -187,9 +165,7 @@ def closed_share(
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
-    """Return the least width, metres, of members in the pattern, so that few need widening; 0 without
-    `pattern.workshop`.
-    """
+    """Return the least width (m) of members in the pattern, so that few need widening; 0 without `pattern.workshop`."""
     return _usual_widths(preset, surface).member / REQUESTED_SHARE
 
 
@@ -202,10 +178,9 @@ def _least_widths_message(least: WorkshopWidths, result: LeastWidths) -> str:
     closed, widened = result.filled + result.bridged, result.widened
     messages = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
     messages += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
-    messages += [f"{result.merged} openings that this left narrower than the members beside were filled"] * bool(
-        result.merged
-    )
-    messages += [f"bridges were built at {_places(result.necks)} that this left narrow"] * bool(result.necks)
+    merged, necks = result.merged, result.necks
+    messages += [f"{merged} openings that became narrower than the members beside them were filled"] * bool(merged)
+    messages += [f"bridges were built at {_places(necks)} that became narrow"] * bool(necks)
     return ", ".join(messages) and ", ".join(messages) + " (slicing.min_gap, min_member)"
 
 

@@ -16,18 +16,15 @@ from dsfab.surface import LoadCase, PatternRegion, Surface, hat_gradients
 
 
 class _LatestLayers(NamedTuple):
-    """Layers for values of [pattern] on a surface."""
-
     options: tuple[float, float, Sequence[PatternRegion]]
     surface: ref[Surface]
     layers: list[Layer]
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the layers that are material whatever the stripes are.
-
-    With symmetric stripes, ragged patches (vertices picked to one edge) are united with their images. Regions of the
-    user keep their place."""
+    """Return the layers that are material independent of the stripes.
+    With symmetric stripes, patches around supports and loads are united with their images, because their edges are
+    ragged by up to one mesh edge. The user's regions stay unchanged."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
     if symmetry is None:
@@ -40,7 +37,7 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
     options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
-    # all trials of `auto` share the latest layers of a load, which saves a tenth of their time
+    # all trials of `auto` share these layers, which saves a tenth of their time
     latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
     if latest and latest.options == options and latest.surface() is surface:
         return latest.layers
@@ -50,7 +47,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the ends to remove from layers that are cut together, or None if the preset does not request it."""
+    """Return the options to remove loose ends from layers that are cut together, or None if the preset excludes it."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -64,8 +61,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None if no face is
-    possible."""
+    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None without modes."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -79,13 +75,12 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
 
 SHARE_TOLERANCE = 4e-4
 """Accuracy of pattern.width.solid_fraction, as a share of the surface."""
-
 UNREPORTED = 2 * SHARE_TOLERANCE
-"""Smaller misses of the solid fraction are not reported."""
+"""Largest error of the solid fraction without a report."""
 
 
 class _ShareTrial(NamedTuple):
-    """A trial: the share that stripes should keep, the added share, their sum, and the stripes."""
+    """A trial: the requested share of the stripes, the share that finishing adds, their sum, and the stripes."""
 
     aim: float
     added: float
@@ -100,13 +95,14 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that, with round corners and filled openings, keep the requested share; and the share reached.
+    """Return stripes that keep the requested share after finishing (round corners, filled openings), and that share
+    reached.
 
-    draw_pattern  : makes stripes for an added share and a guess of their factor, 0 for none.
-    nearest_share : the share near a target that the latest stripes keep.    added_share : the share that finishing
-                    adds.
-    bridged_share : the share that bridges add to the latest stripes. It takes long and is mostly 0: it is computed once
-                    after the search without it, and in each further trial only if it is not 0.
+    draw_pattern  : draws stripes, for an added share and an estimate of their factor (0 for none).
+    nearest_share : returns the share near a target that the latest stripes keep.
+    added_share   : returns the share that finishing adds.
+    bridged_share : returns the share that bridges add to the latest stripes. It takes long and is mostly 0, so it runs
+                    once after the search without bridges, and in each further trial only if it was not 0.
 
     The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
     openings close; then the search bisects between two trials, below and above the requested share."""
@@ -123,14 +119,14 @@ def corrected_pattern(
     def converge(trial: _ShareTrial) -> _ShareTrial:
         for _ in range(3):
             if any(abs(earlier.aim + trial.added - requested) < SHARE_TOLERANCE for earlier in trials):
-                break  # the next trial would repeat an earlier one, for example if a bridge comes and goes
+                break  # the next trial would repeat an earlier one, for example if a bridge appears and vanishes again
             trial = attempt(trial.added, trial.result.factor)
         return trial
 
     latest = converge(attempt(0.0))
     if (bridges := bridged_share()) > SHARE_TOLERANCE:
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
-        trials[:-1] = []  # these trials lack bridges
+        trials[:-1] = []  # earlier trials do not include bridges
         latest = converge(latest)
     for k in range(8):  # the last five rounds use the preset's tolerance
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
@@ -145,8 +141,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the next target: the middle of the nearest two trials around the requested share; 0 without such
-    trials."""
+    """Return the middle of the nearest two trials around the requested share; 0 without such trials."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

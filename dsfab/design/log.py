@@ -17,28 +17,25 @@ ROWS = {
     "slicing": ("slicing",),
     "thickening": ("thickening",),
 }
-"""The rows of the timing table that each stage fills."""
-
+"""Rows of the timing table that each stage fills."""
 PARTS = {"statics": ("factor",)}
 """Timing rows that are part of another row of the stage."""
-
 Progress = Callable[[str, str], None]
-"""Called with a stage and a message about the step that begins."""
+"""A function that receives a stage and a message about the step that begins."""
 
 
-def silent(_stage: str, _doing: str) -> None:
-    """Ignore progress."""
+def silent(_stage: str, _doing: str) -> None: ...
 
 
 @dataclass
 class Log:
-    """Progress, seconds and notes of a run. clock : measures the seconds."""
+    """Progress, seconds and notes of a run. clock : returns the current time in seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[Note] = field(default_factory=list)
     file: FileRecord | None = None
-    """The record of the surface file, if the surface is in a file."""
+    """Record of the surface file, if the surface is in a file."""
     clock: Callable[[], float] = time.perf_counter
 
     @contextmanager
@@ -58,17 +55,16 @@ class Log:
         self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start
 
     def note(self, stage: str, text: str) -> None:
-        """Add a note for the user."""
         self.notes.append(Note(stage, text))
 
     def add_stage(self, earlier: "Log", stage: str) -> None:
-        """Add the seconds and notes of a stage whose result comes from another design."""
+        """Add the seconds and notes of a stage from the log of the design that computed its result."""
         rows = (*ROWS[stage], *PARTS.get(stage, ()))
         self.seconds.update({row: earlier.seconds[row] for row in rows if row in earlier.seconds})
         self.notes.extend(note for note in earlier.notes if note.stage == stage)
 
     def of_stages(self, stages: Sequence[str], progress: Progress | None) -> "Log":
-        """Return a log with the seconds and notes of some stages, for a revision."""
+        """Return a log with the seconds and notes of these stages, for a revision."""
         log = Log(progress, file=self.file if "surface" in stages else None)
         for stage in stages:
             log.add_stage(self, stage)

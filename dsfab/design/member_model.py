@@ -1,4 +1,4 @@
-"""The beam model of a design, and the standard and factors by which its members are checked."""
+"""The beam model of a design, and the standard and factors for the check of its members."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,31 +19,27 @@ if TYPE_CHECKING:
     from dsfab.members.eurocode import Duration, Rules, Utilisation
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
 
-
 LOAD_DURATIONS: dict[str, "Duration"] = {
     "permanent": "permanent",
     "imposed E": "long",
     "imposed H": "short",
     "wind": "short",
 }
-"""Duration of loads by their action [EN 1995-1-1, table 2.2]; any other action, snow too, has a medium duration."""
+"""Duration of loads by their action [EN 1995-1-1, table 2.2]; every other action, also snow, has a medium duration."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
     """Return forces of members over their resistance, in the cases and combinations of the ultimate limit state.
-
-    Raises StaticsError if neither the material nor a strength is set.
-    """
+    Raises StaticsError if neither the material nor a strength is set."""
     from dsfab.members.eurocode import MemberBays, utilisation
 
     bays = MemberBays.from_forces(graph, forces, preset.statics.thickness)
-    return utilisation(
-        bays.with_cases(preset.judged_in("ULS", bays.forces)), eurocode_rules(preset, tuple(bays.forces))
-    )
+    rules = eurocode_rules(preset, tuple(bays.forces))
+    return utilisation(bays.with_cases(preset.judged_in("ULS", bays.forces)), rules)
 
 
 def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
-    """Return the Eurocode rules of a preset for cases and combinations, by their names."""
+    """Return the Eurocode rules of a preset for cases and combinations, which are given by their names."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
     section, options = preset.statics, preset.eurocode
@@ -64,7 +60,7 @@ def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 def _load_description(preset: Preset, cases: tuple[str, ...]) -> str:
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
-        return f"Judged in {len(judged)} cases and combinations, with the factors that the preset gives them."
+        return f"Checked in {len(judged)} cases and combinations, with the factors in the preset."
     return "Loads are those of the preset without partial factors: it has no combinations (surface.combinations)."
 
 
@@ -93,9 +89,7 @@ PERMANENT = {"self_weight", "cladding"}
 
 class ActionCase(NamedTuple):
     """Loads of one case that belong to one kind of action.
-
-    case : its name in the preset.    action : permanent, snow, wind or variable.    load : on the uncut surface.
-    """
+    case : name of the case in the preset.    action : permanent, snow, wind or variable.    load : on uncut surface."""
 
     case: str
     action: str
@@ -103,11 +97,9 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """Return the cases of a preset by name, split so that each has one kind of action.
-
+    """Return the load cases of a preset by name, each split into cases with a single kind of action.
     Frame programs combine cases by their kinds: weight inside a snow case would wrongly vary with the snow. An entry of
-    `surface.actions` holds for the whole case.
-    """
+    `surface.actions` applies to the whole case."""
     section, action_by_name = preset.surface, dict[str, ActionCase]()
     for case in (name for name, entry in statics.cases.items() if entry.factors is None):
         load, kinds = statics.cases[case].load, dict[str, list[Load]]()
@@ -131,9 +123,7 @@ def _load_action(load: Load) -> str:
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return the action of a kind of EN 1990: snow at any altitude is snow; imposed loads and temperature are
-    variable.
-    """
+    """Return the action of a kind of EN 1990; any snow kind is snow, imposed loads and temperature are variable."""
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"
@@ -147,39 +137,31 @@ def beam_model(
     cases: Mapping[str, ActionCase],
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Return the beam model of a cut sheet with its members, under the loads of these cases; a split case is their sum.
-
-    Raises StaticsError if no member has an axis.
-    """
+    """Return the beam model of a cut sheet with its members, under the loads of these cases.
+    A combination adds the parts of a split case. Raises StaticsError if no member has an axis."""
     from dsfab.members.frame import BeamMaterial, frame_of
 
     section = preset.statics
     material = BeamMaterial(section.young, section.poisson, section.density, section.material or "")
-    sums = {
-        action_case.case: {action_case.case: 1.0} for name, action_case in cases.items() if name != action_case.case
-    }
+    sums = {part.case: {part.case: 1.0} for name, part in cases.items() if name != part.case}
     sums |= {name: dict(case.factors) for name, case in statics.cases.items() if case.factors is not None}
     combinations = {
-        name: {part: factors[action_case.case] for part, action_case in cases.items() if action_case.case in factors}
+        name: {part_name: factors[part.case] for part_name, part in cases.items() if part.case in factors}
         for name, factors in sums.items()
     }
     frame = frame_of(graph, sheet, loads, combinations, section.thickness, material)
-    return replace(frame, actions={name: action_case.action for name, action_case in cases.items()})
+    return replace(frame, actions={name: part.action for name, part in cases.items()})
 
 
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """Compare beams, case by case, with the sheet that they model, whose ribs twist as bars.
-
-    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of the two."""
+    """Compare beams with the cut sheet, whose ribs twist as bars, in each case.
+    Raises StaticsError if the supports hold neither the beams nor the sheet, or only one of them."""
     from dsfab.members.frame import agreement, solve_frame
 
-    answers, model, spread_faces = (
-        solve_frame(frame),
-        preset.statics.sheet().model_for(sheet),
-        _spread_faces(graph, sheet.m),
-    )
+    answers, spread_faces = solve_frame(frame), _spread_faces(graph, sheet.m)
+    model = preset.statics.sheet().model_for(sheet)
     as_sheet, as_bars = _sheet_and_bar_answers(model, loads)
     shares, twist = {}, {}
     for name, answer in as_sheet.items():
@@ -193,10 +175,8 @@ def beam_agreement(
 def _sheet_and_bar_answers(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """Return the answers of a sheet whose ribs twist as a thin sheet and as bars, by the same elements.
-
-    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow.
-    """
+    """Return the answers of a sheet whose ribs twist as a thin sheet, and of one whose ribs twist as bars.
+    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow."""
     try:
         as_bars = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:
@@ -207,9 +187,6 @@ def _sheet_and_bar_answers(
 
 
 def _spread_faces(graph: "MemberGraph", count: int) -> Bools:
-    """Return faces of the sheet (m,) that carry in all directions: those of discs, and those in no member with an
-    axis.
-    """
     outside_members, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     for member in graph.members:
         within = graph.source[member.cells]

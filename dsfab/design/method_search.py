@@ -1,4 +1,4 @@
-"""The search for a pattern method: modes or even stripes, width rules, forces and spacings, cut and compared."""
+"""Search for a pattern method: modes or even stripes with width rules, forces and spacings, cut and compared."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -17,21 +17,20 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 EXCHANGEABLE_RULES = ("constant", "graded")
-"""Width rules that the search may exchange, if the preset requests one of them with a solid fraction."""
+"""Width rules that the search may exchange, if the preset requests one of these with a solid fraction."""
 SPACINGS = (0.75, 1.25)
 """Factors for spacings that the preset leaves open. In a plane, closer stripes are mostly stiffer if the mesh resolves
-them: a plate with a hole at 30 % solid fraction has .86 times the compliance.
-"""
+them: a plate with a hole at 30 % solid fraction has .86 times the compliance."""
 
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A method of drawing stripes, with its worth.
+    """A method of drawing stripes, with the worth of its trial.
 
-    preset  : without open choices.                      choice  : of modes and phases, if these were `auto`.
-    even    : evenly spaced stripes; None for modes.     sheet   : after the cut; None if refused.
-    grading : (n, f) relative half-widths by the rule `stressed`; None by other rules.     notes : for the design.
-    drawn   : the finished stripes, if they were drawn as for building."""
+    preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
+    even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
+    grading : (n, f) half-width of each vertex and family over the largest, for the rule `stressed`; else None.
+    notes   : notes for the design.                    drawn   : finished stripes, if drawn as for building."""
 
     preset: Preset
     attempt: Attempt
@@ -43,31 +42,28 @@ class MethodCandidate:
     drawn: PatternResult | None = None
 
 
+def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
+    usable = [candidate for candidate in candidates if not candidate.attempt.refused]
+    return min(usable, key=lambda candidate: candidate.attempt.rank, default=None)
+
+
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best even stripes and the best modes, with widths by the rule `stressed`, if the search may exchange
-    rules.
-
-    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, and 1.3 to
+    """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may exchange rules.
+    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, 1.3 to
     3.9 times by other rules."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
-        usable = [
-            candidate
-            for candidate in candidates
-            if candidate.preset.pattern.method == method and not candidate.attempt.refused
-        ]
-        if not usable:
+        stiffest = _stiffest([candidate for candidate in candidates if candidate.preset.pattern.method == method])
+        if not stiffest:
             continue
-        stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
         words = stiffest.attempt.name.partition(",")[0]
         if log.progress:
             log.progress("pattern", f"trying {words}, stressed: cutting and solving")
-        variant_preset = stiffest.preset.with_pattern(
-            width=preset.pattern.width.model_copy(update={"rule": "stressed"})
-        )
+        width = preset.pattern.width.model_copy(update={"rule": "stressed"})
+        variant_preset = stiffest.preset.with_pattern(width=width)
         scratch, choice = replace(log, notes=[]), stiffest.choice
         if choice:
             choice = stressed_choice(variant_preset, analysis, scratch, choice)
@@ -80,20 +76,14 @@ def optimal_force_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
     """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
-
-    The gain is largest if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
-    compliance.
-    """
+    The gain is large if forces differ from those of the uncut sheet: a plate with a hole has .87 times the
+    compliance."""
     options = preset.pattern
-    usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
-    if (
-        not usable
-        or not _exchangeable(options.width)
-        or options.is_steered
-        or not follows_membrane(preset, analysis.surface, analysis.statics)
-    ):
+    stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
+    if not stiffest or not _exchangeable(options.width) or options.is_steered:
         return
-    stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
+    if not follows_membrane(preset, analysis.surface, analysis.statics):
+        return
     words = f"{stiffest.attempt.name.partition(',')[0]} along optimal forces"
     if log.progress:
         log.progress("pattern", f"trying {words}: cutting and solving")
@@ -110,13 +100,11 @@ def optimal_force_candidates(
 def respaced_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best evenly spaced stripes at other spacings, halved (if lines crowd) and not halved.
-
+    """Yield the best evenly spaced stripes with larger and smaller spacings, with and without halving.
     There are candidates only if the preset leaves the spacings open and requests a solid fraction."""
-    usable = [candidate for candidate in candidates if candidate.even and not candidate.attempt.refused]
-    if not usable or not preset.pattern.width.solid_fraction:
+    stiffest = _stiffest([candidate for candidate in candidates if candidate.even])
+    if not stiffest or not preset.pattern.width.solid_fraction:
         return
-    stiffest = min(usable, key=lambda candidate: candidate.attempt.rank)
     tail = stiffest.attempt.name.partition("stripes")[2]
     for factor in SPACINGS:
         spaced, distances = _respaced_families(stiffest.preset, analysis.surface, factor)
@@ -130,16 +118,15 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # otherwise halving drops no line
-                yield _with_worth(
-                    MethodCandidate(variant_preset, Attempt(words), None, even), analysis, replace(log, notes=[])
-                )
+            if any(even.wanted) or not halve:  # otherwise halving ends no line early
+                variant = MethodCandidate(variant_preset, Attempt(words), None, even)
+                yield _with_worth(variant, analysis, replace(log, notes=[]))
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return families with open spacings scaled by `factor` to two digits, and a text with these spacings.
-
-    No family if stripes would be less than two edges of the mesh apart: a member and an opening need one edge each."""
+    """Return families with open spacings, scaled by `factor` and rounded to two digits, and a text with these spacings.
+    A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one
+    each."""
     families, distances = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
@@ -166,9 +153,9 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try, and whether each halves crowded lines."""
+    """Return the methods to try; True for a method with halving in crowded places."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
-    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
+    modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes do not follow guides
     return [*halved, ("stripes", False), *modes]
 
 
@@ -206,9 +193,8 @@ def _with_worth(candidate: MethodCandidate, analysis: StressedSurface, scratch: 
     except DsfabError as error:
         return replace(candidate, attempt=Attempt(name, refused=str(error)))
     worth = result.compliance, result.over_uncut, result.kept
-    return replace(
-        _with_quality(candidate, analysis, worth, pattern, cells, sheet), grading=grading, notes=tuple(scratch.notes)
-    )
+    measured = _with_quality(candidate, analysis, worth, pattern, cells, sheet)
+    return replace(measured, grading=grading, notes=tuple(scratch.notes))
 
 
 def _with_quality(
@@ -219,14 +205,12 @@ def _with_quality(
     cells: Sheet,
     sheet: Sheet,
 ) -> MethodCandidate:
-    """Return a candidate with its sheet, and the dead ends and slits of that sheet.
-
+    """Return a candidate with its sheet, and with the number of dead ends and slits of that sheet.
     worth : energy in joules, its ratio to that of the uncut sheet, and share of the surface, as in an `Attempt`."""
     drafted = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
-    return replace(
-        candidate, attempt=Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits), sheet=sheet
-    )
+    attempt = Attempt(candidate.attempt.name, *worth, quality.dead_ends, quality.slits)
+    return replace(candidate, attempt=attempt, sheet=sheet)
 
 
 def _exchangeable(width: Width) -> bool:
@@ -235,9 +219,8 @@ def _exchangeable(width: Width) -> bool:
 
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
-
-    One of them is a gentle grading, by half the power q. Bars without bending are stiffest as wide as their force, but
-    members with little force still carry their own weight and brace other members."""
+    One of them is a gentle grading, by half the power q. Bars without bending are stiffest if as wide as their force,
+    but members with little force still carry their own weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -246,15 +229,14 @@ def _width_variants(width: Width) -> dict[str, Width]:
 
 
 NEAR_BEST = 0.1
-"""Candidates softer than the best by less than this share may really be stiffer, and are measured better.
-Trials count points and round no corners, so that their solid fraction is off by up to 8 %. On a bracket modes were 3 %
-worse than stripes in their trial, and 28 % better as built. The quick elements of trials are up to 26 % too stiff for
+"""Candidates whose compliance exceeds the best by less than this share are measured again, by more accurate elements.
+Trials round no corners, so that their solid fraction is off by up to 8 %. On a bracket, modes were 3 %
+worse than stripes in their trial, and 28 % better as built. Elements of trials are up to 26 % too stiff for
 members one triangle wide."""
 
 
 def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[MethodCandidate, tuple[Attempt, ...]]:
     """Return the best method of drawing stripes, and all attempts, best first.
-
     The best method has the fewest dead ends, then the fewest slits, then the most stiffness per share of material (see
     `Attempt.rank`); better elements decide between close candidates. Raises PatternError if none carries the loads."""
     candidates: list[MethodCandidate] = []
@@ -269,24 +251,22 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
         ranked = _ranking(candidates, analysis)
     stiffest = ranked[0]
     if stiffest.attempt.refused:
-        raise PatternError(f"no method draws stripes that carry the loads; the first: {candidates[0].attempt.refused}")
+        raise PatternError(
+            f"pattern.method = 'auto': no method has stripes that carry the loads; the first failed because: "
+            f"{candidates[0].attempt.refused}"
+        )
     log.notes.extend(stiffest.notes)
     listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
-    log.note(
-        "pattern", f"method auto took {stiffest.attempt.name}: of compliances over that of the uncut sheet, {listed}"
-    )
+    log.note("pattern", f"method auto chose {stiffest.attempt.name}; compliance over that of the uncut sheet: {listed}")
     return stiffest, tuple(candidate.attempt for candidate in ranked)
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates; up to four near the best are now as built.
-
-    The likeliest is built last, because slicing continues from its trial cut."""
+    """Return the candidates; the best four, if nearly equal, have their worth as built.
+    The best candidate is built last, because slicing continues from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
-    shares = [
-        candidate for candidate in candidates if candidate.sheet and candidate.preset.pattern.width.solid_fraction
-    ]
+    shares = [other for other in candidates if other.sheet and other.preset.pattern.width.solid_fraction]
     ranked = sorted(shares, key=lambda candidate: candidate.attempt.rank)
     finalists = [candidate for candidate in ranked[:4] if candidate.attempt.rank <= limit]
     if len(finalists) < 2:
@@ -296,8 +276,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; better elements order the best and equally flawless ones that are nearly as
-    stiff."""
+    """Return candidates, best first; better elements order equally flawless, nearly equally stiff candidates."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -308,7 +287,7 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return joules times share of material, to three digits as in `Attempt.rank`, by elements for reported results."""
+    """Return energy (J) times share of material, to three digits as in `Attempt.rank`, by the elements of reports."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

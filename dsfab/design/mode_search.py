@@ -1,8 +1,8 @@
-"""The search for modes, phases and widths: trial designs that are cut, solved and compared."""
+"""Search for modes, phases and widths: trial designs are cut, solved and compared."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import product
 from typing import NamedTuple
 
@@ -28,8 +28,7 @@ SHARE_TOLERANCE = 2e-3
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported sheet, `kept`, `whole` and `pieces` as in a `Candidate`, and the number of
-    removed ends."""
+    """Cells of a cut, the supported sheet, and options for loose ends; kept, whole and pieces as in a `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -49,7 +48,7 @@ class TrialResult(NamedTuple):
 
 
 class Trial:
-    """Trials of modes and phases on one surface, which share all data that does not depend on them."""
+    """Trials of modes and phases on one surface; they share all data that do not depend on modes and phases."""
 
     def __init__(self, preset: Preset, analysis: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, analysis, analysis.surface, even
@@ -64,17 +63,15 @@ class Trial:
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """Return the worth of modes and phases of the major and the minor stripes, or the reason of a refusal."""
+        """Return the worth of two modes and two phases (major, minor stripes), or the reason of a refusal."""
         try:
             return self.result(self.preset.with_modes(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
 
     def result(self, preset: Preset, grading: Floats | None = None) -> TrialResult:
-        """Cut and solve the modes or stripes of a preset. Raises DsfabError if they do not carry the loads.
-
-        grading : (n, f) as in `drawable_families`.
-        """
+        """Cut and solve the modes or stripes of a preset. Raises DsfabError if the sheet does not carry the loads.
+        grading : (n, f) relative half-widths of each family, as in `drawable_families`."""
         options = preset.pattern
         families, layers = self._layers(preset, grading)
         carrying = self.carrying(layers)
@@ -86,7 +83,7 @@ class Trial:
         return TrialResult(candidate, pattern, carrying.sheet, carrying.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Cut layers and return the sheet. Raises DsfabError if it does not carry the loads."""
+        """Cut layers and return the sheet. Raises DsfabError if the sheet does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         fields, levels = [layer.field for layer in layers], [layer.levels for layer in layers]
@@ -97,9 +94,8 @@ class Trial:
         F = material.surface.F
         count, label = pieces(F, material.surface.edges)
         area = np.bincount(label, material.surface.areas, count)
-        reaches_support = (
-            np.bincount(label, held_vertices(surface, material, self.given.load)[F].any(axis=1), count) > 0
-        )
+        is_held = held_vertices(surface, material, self.given.load)[F].any(axis=1)
+        reaches_support = np.bincount(label, is_held, count) > 0
         if not reaches_support.any():
             raise PatternError("no piece of material reaches a support")
         sheet = material if reaches_support.all() else material.subset(reaches_support[label])
@@ -113,7 +109,7 @@ class Trial:
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
-        """Return the stiffness of a sheet by faces."""
+        """Return the stiffness of each face of a sheet."""
         return FaceStiffness.from_sheet(self.preset.statics.sheet().model_for(surface), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[DrawableFamily], list[Layer]]:
@@ -132,11 +128,11 @@ class Trial:
 
 
 LEAST_HALF_WIDTH, MOST_HALF_WIDTH = 0.01, 0.55
-"""Bounds of half-widths in the search, in periods: a vanished stripe may come back, and a closed opening may open."""
+"""Limits of half-widths in the search, in periods: a vanished stripe may reappear, and a closed opening may reopen."""
 
 
 class WidthStep(NamedTuple):
-    """Widths of a step: their worth, joules times share of the surface, and the widths of the next step."""
+    """Half-widths of a step, their worth (energy in joules times share of the surface), and the next half-widths."""
 
     worth: float
     grading: Floats
@@ -147,7 +143,6 @@ def stressed_step(
     preset: Preset, analysis: StressedSurface, log: Log, even: EvenStripes | None = None
 ) -> Floats | None:
     """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
-
     The best trial has the least compliance per share of material, by constant strain and mid-edge bending on the cut
     mesh. None if the first sheet does not carry the loads: then the widths follow the rule `graded`."""
     steps = _steps(StressedTrial(preset, analysis, even), log)
@@ -156,19 +151,17 @@ def stressed_step(
     stiffest = min(steps, key=lambda step: step.worth)
     log.note(
         "pattern",
-        f"widths that even out the stress: after {len(steps)} steps {1 - stiffest.worth / steps[0].worth:.0%} less "
-        "compliance than graded ones, each on its own cut mesh",
+        f"width rule stressed: after {len(steps)} steps {1 - stiffest.worth / steps[0].worth:.0%} less compliance "
+        "than with graded widths",
     )
     return stiffest.grading
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, beginning with the modes and phases that are stiffest after their widths even out the stress.
-
-    The search evens the best three pairs of modes, and the lowest pair. Their order may change: on the cantilever at
-    30 %
-    of the material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut plate, and modes 1 and 1
-    from 4.40 to 3.01 times."""
+    """Return the choice, beginning with the modes and phases that are stiffest with the width rule `stressed`.
+    The search computes stressed widths of the best three pairs of modes and of the lowest pair. Their order may change:
+    on the cantilever at 30 % of the material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut
+    plate, and modes 1 and 1 from 4.40 to 3.01 times."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -187,24 +180,22 @@ def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice:
     log.note(
         "pattern",
         f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
-        f"{stiffest.phase[1]:g} are the stiffest "
-        f"of the {len(finalists)} whose widths were evened",
+        f"{stiffest.phase[1]:g} are the stiffest of {len(finalists)} with stressed widths",
     )
     return Choice((stiffest, *(candidate for candidate in choice.candidates if candidate is not stiffest)))
 
 
 def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
-    """Return the steps of widths: pattern.width.steps of them, or fewer if a sheet does not carry the loads."""
     steps: list[WidthStep] = []
     with log.row("widths"):
         grading = trial.start
         for number in range(trial.preset.pattern.width.steps):
             if log.progress:
-                log.progress("pattern", f"evening the stress, step {number + 1}: cutting and solving")
+                log.progress("pattern", f"width rule stressed, step {number + 1}: cutting and solving")
             try:
                 steps.append(trial.step(grading))
             except DsfabError as error:
-                log.note("pattern", f"step {number + 1} of the width rule stressed was given up: {error}")
+                log.note("pattern", f"width rule stressed ended before step {number + 1}: {error}")
                 break
             grading = steps[-1].after
     return steps
@@ -230,13 +221,12 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # counted points include removed ends, and these vary most here
+        if options.forces == "optimal":  # the counted share includes ends that are removed later, which vary most here
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
-        energy = K.energies(K.factor(np.ones(carrying.sheet.surface.m))(K.force)) @ list(
-            self.preset.followed_weights.values()
-        )
+        weights = list(self.preset.followed_weights.values())
+        energy = K.energies(K.factor(np.ones(carrying.sheet.surface.m))(K.force)) @ weights
         work, material = (self._by_family(carrying.sheet, names, x) for x in (energy, carrying.sheet.surface.areas))
         next_grading = evened_grading(self.surface, grading, work, material, self.spacing)
         if self.even is not None and self.even.symmetry is not None:
@@ -244,7 +234,7 @@ class StressedTrial(Trial):
         return WidthStep(float(energy.sum()) * carrying.kept, grading, self._clipped_grading(families, next_grading))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
-        """Return sums (m, 2) of values x (m',) of cells over the part of each face that belongs to each family."""
+        """Return sums (m, 2), for each face and family, of values x (m',) of the sheet's cells."""
         sums = []
         for family in self.families:
             cells = np.flatnonzero(names[sheet.family] == family.name)
@@ -252,48 +242,36 @@ class StressedTrial(Trial):
         return np.stack(sums, axis=1).astype(np.float64)
 
     def _clipped_grading(self, families: Sequence[DrawableFamily], grading: Floats) -> Floats:
-        """Return the grading, clipped so that half-widths stay between LEAST and MOST."""
         full = np.array([self.factor * family.stripes.half_width for family in families])
         full = np.where(full > 0, full, 1.0)
         return np.asarray(np.clip(grading * full, LEAST_HALF_WIDTH, MOST_HALF_WIDTH) / full)
 
 
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round if the search chooses both modes, equal in both families: all with a mode 1, else the
-first.
-
+"""Phases of the first round if the search chooses both modes. Both families have the same phase. All four are tried
+with a mode 1, else only the first.
 A higher mode rises and falls more often, so that a shift moves its stripes in both directions. On the cantilever these
 phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
-
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, in all combinations: first if no mode is open, then if one mode is open."""
-
+"""Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
 TOGETHER = ((1, 1), (-1, -1))
-"""Moves of both phases along the line of the first round."""
-
+"""Equal moves of both phases."""
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
-"""Moves of one phase or both."""
-
+"""Moves of one phase or of both."""
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""Later rounds: number of pairs of modes that continue, best first; step of phases, in periods; moves."""
-
+"""Later rounds: number of pairs of modes that continue, best first; step of the phases, in periods; moves."""
 CONNECTED_SHARE = 0.98
-"""A design is not connected if its largest supported piece has a smaller share of the material; it ranks last."""
-
+"""Least share of the material in the largest supported piece of a connected design; other designs rank last."""
 ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
-
     The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
-    search tries at most 57, the steps of a topology optimisation. For the width rule `stressed`, trials use the widths
-    of
-    `graded`. Then the widths of the best few are evened, and the stiffest of these comes first.
-
-    Raises PatternError if no candidate carries the loads.
-    """
+    search tries at most 57 candidates, the steps of a topology optimisation. For the width rule `stressed`, trials use
+    graded widths; then `stressed_choice` reorders the best few.
+    Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
         trial = Trial(preset, analysis)
@@ -310,15 +288,14 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     stiffest = ranked[0]
     if stiffest.refused:
         raise PatternError(
-            f"none of {refused} modes and phases carries the loads; the first: {stiffest.refused}; set "
-            "pattern.rim, raise "
-            "pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
+            f"none of {refused} modes and phases carries the loads; the first: {stiffest.refused}; set pattern.rim, "
+            "increase pattern.keep or pattern.width.solid_fraction, or choose other frequencies"
         )
     log.note(
         "pattern",
         f"modes {stiffest.mode[0]} and {stiffest.mode[1]} with phases {stiffest.phase[0]:g} and "
-        f"{stiffest.phase[1]:g} are the stiffest "
-        f"of {len(ranked)} tried: about {stiffest.over_uncut:.3g} x the compliance of the uncut sheet",
+        f"{stiffest.phase[1]:g} are the stiffest of {len(ranked)} tried, with about {stiffest.over_uncut:.3g} times "
+        "the compliance of the uncut sheet",
     )
     choice = Choice(ranked)
     if preset.pattern.width.rule == "stressed":
@@ -327,7 +304,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key. Only three digits count: so mirror images are equal, and lower numbers come first."""
+    """Return the sort key, with three digits: so mirror images are equal, and lower modes and phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 
@@ -343,9 +320,8 @@ def _search_rounds(
     open_phase = [is_drawn[k] and families[k].phase == AUTO for k in (0, 1)]
     fixed_phases = (families[0].shift, families[1].shift)
     open_modes = sum(open_mode)
-    yield [
-        (mode, p) for mode in product(major, minor) for p in _first_phases(mode, open_phase, fixed_phases, open_modes)
-    ]
+    first_phases = partial(_first_phases, open_phase=open_phase, fixed_phases=fixed_phases, open_modes=open_modes)
+    yield [(mode, phase) for mode in product(major, minor) for phase in first_phases(mode)]
     if not any(open_phase):
         return
     for count, step, moves in ROUNDS:
@@ -365,16 +341,12 @@ def _search_rounds(
 def _first_phases(
     mode: tuple[int, int], open_phase: list[bool], fixed_phases: tuple[float, float], open_modes: int
 ) -> list[tuple[float, float]]:
-    """Return the first phases of a pair of modes, if `open_modes` modes are to be chosen."""
     if open_modes == 2:
         grid = [(p, p) for p in (START if 1 in mode else START[:1])]
     else:
         grid = [(p, q) for p in GRID[open_modes] for q in GRID[open_modes]]
-    return list(
-        dict.fromkeys(
-            (p if open_phase[0] else fixed_phases[0], q if open_phase[1] else fixed_phases[1]) for p, q in grid
-        )
-    )
+    phases = ((p if open_phase[0] else fixed_phases[0], q if open_phase[1] else fixed_phases[1]) for p, q in grid)
+    return list(dict.fromkeys(phases))
 
 
 def _moved_phase(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""Quality measures of a pattern, of a draft or a design: phases on a chart, directions, and symmetry."""
+"""Quality measures of a pattern in a draft or a design: phases on a chart, directions, and symmetry."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,13 +23,11 @@ from dsfab.surface import Surface, centroid, link_components, nearest_places, we
 from dsfab.surface.fields import CornerField, DividedField
 
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247..., the root of x^3 = x + 1 [Roberts
-2018].
-"""
+"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247, root of x^3 = x + 1 [Roberts 2018]."""
 
 
 class PatternedDesign(Protocol):
-    """A design, or the stages of one up to its pattern."""
+    """A design, or its stages up to the pattern."""
 
     @property
     def preset(self) -> Preset: ...
@@ -57,13 +55,10 @@ def measured_pattern(
     design: PatternedDesign, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
     """Measure the quality of a pattern; after the cut, measure symmetry on the cells.
-
     For tidied patterns, dead ends and slits after the cut are those of the sheet.
-
-    symmetry : whether the error of the pattern's own symmetry is measured too, which takes longest.
+    symmetry : True to measure the error of the pattern's own symmetry, too, which takes longest.
     cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
-    sheet    : the part of the cells that remains; all material by default.
-    """
+    sheet    : the part of the cells that remains; all material by default."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
     followed = _followed_directions(design)
@@ -73,7 +68,7 @@ def measured_pattern(
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
     steered = design.pattern.even.steered if design.pattern.even else None
-    guided = steered.guided[parent] > 0.1 if steered else None  # a guide counts from a tenth of a clear stress
+    guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides are ignored
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
     quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0)
@@ -100,13 +95,10 @@ def _sheet_quality(
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
     """Return the family without dead ends that the sheet does not have.
-
     An end does not count if its material was removed, or if the member continues, for example as a member of the other
     family around a singular point of the stress.
-
     reach      : metres; a dead end still exists if material is nearer than this.
-    half_width : (n,) of its members, in periods.
-    """
+    half_width : (n,) half-width of the family's members at each vertex, in periods."""
     width = 2 * float(np.median(half_width)) * family.spacing[1]
 
     def remaining(places: Floats, dead: Callable[[Arms, float], bool]) -> Floats:
@@ -117,9 +109,8 @@ def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_wid
         return np.asarray(places[is_near])
 
     ends = family.dead_ends
-    return replace(
-        family, dead_ends=DeadEnds(remaining(ends.loose, Arms.is_tip), remaining(ends.turns, Arms.is_hairpin))
-    )
+    dead_ends = DeadEnds(remaining(ends.loose, Arms.is_tip), remaining(ends.turns, Arms.is_hairpin))
+    return replace(family, dead_ends=dead_ends)
 
 
 def pattern_chart(design: PatternedDesign) -> Chart:
@@ -129,7 +120,7 @@ def pattern_chart(design: PatternedDesign) -> Chart:
 
 
 def stripes_on_chart(design: PatternedDesign) -> StripeChart:
-    """Return the stripes and kept regions of a design, on its chart."""
+    """Return the stripes and kept regions of a design, on the design's chart."""
     return pattern_on_chart(design.surface, pattern_chart(design), design.pattern)
 
 
@@ -148,9 +139,8 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
         if name not in FAMILIES and not isinstance(x, CornerField):
             height = (x.at_vertices if isinstance(x, DividedField) else x) - levels[0]
-            kept_height = np.maximum(
-                kept_height, height if height.ndim == 1 else np.minimum(height[:, 0], -height[:, 1])
-            )
+            height = height if height.ndim == 1 else np.minimum(height[:, 0], -height[:, 1])
+            kept_height = np.maximum(kept_height, height)
     return StripeChart.from_chart(chart, d, np.maximum(kept_height, -surface.size))
 
 
@@ -172,7 +162,7 @@ def _followed_directions(design: PatternedDesign) -> StressDirections:
 
 
 def used_symmetry(design: PatternedDesign) -> Symmetry | None:
-    """Return the mirrors and rotations of a pattern; None without any."""
+    """Return the mirrors and rotations of a pattern; None for a pattern without symmetry."""
     if design.pattern.even is not None:
         return design.pattern.even.symmetry
     words = design.preset.diffusion.symmetry
@@ -181,15 +171,13 @@ def used_symmetry(design: PatternedDesign) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, stripes: StripeChart, symmetry: Symmetry) -> float:
-    """Return the share of the uncut surface where the stripes differ from their image, the largest over the group."""
+    """Return the share of the uncut surface where the stripes differ from their worst symmetric image."""
     return _asymmetric_share(surface, stripes.surface, symmetry, partial(_is_material, stripes))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
     """Return `symmetry_error` for the cells of the cut.
-
-    There, edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round.
-    """
+    Here edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round."""
     V, F = cells.surface.V, cells.surface.F
     return _asymmetric_share(
         surface, cells.surface, symmetry, lambda points: cells.material[nearest_places(points, V, F).simplex]
@@ -199,13 +187,14 @@ def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
 def _asymmetric_share(
     surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools], samples: int = 120_000
 ) -> float:
-    """Return the share of the area where material differs from its image, the largest over the group.
+    """Return the share of the area where material differs from an image, for the worst image of the symmetry.
 
-    surface  : uncut; images are about its centroid.    faces : the chart or the cells. Each sample point stands for the
-               same area; points spread evenly in their faces, so that no row lies along the edge of a member.
-    material : returns whether the places nearest to points (p, 3) are material, (p,).
-    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of
-               .55 %."""
+    surface  : the uncut surface; rotations and mirrors are about its centroid.
+    faces    : the chart or the cells. Each sample point stands for the same area; points are spread evenly in the
+               faces, so that no row of points lies along the edge of a member.
+    material : returns True for each of the points (p, 3) whose nearest place is material, (p,).
+    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of .55
+               %."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -220,7 +209,6 @@ def _asymmetric_share(
 
 
 def _is_material(stripes: StripeChart, points: Floats) -> Bools:
-    """Return whether the nearest point of the sheet to each point (p, 3) is material."""
     V, F = stripes.surface.V, stripes.surface.F
     _, face, place = nearest_places(points, V, F)
     weights = weights_at(place, V, F[face])
@@ -228,17 +216,15 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
 
 
 class FilledOpenings(NamedTuple):
-    """A group of filled openings side by side: their number, and the centre (3,) of their area, metres."""
+    """A group of neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
 
     openings: int
     place: Floats
 
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
-    """Return the largest group of openings that finishing filled, at most `apart` metres from each other; None without
-    any.
-
-    samples : an opening counts as filled if this number of its largest cells are filled."""
+    """Return the largest group of filled openings with at most `apart` metres between neighbours; None without any.
+    samples : number of largest cells of an opening that must be filled, so that the opening counts as filled."""
     openings = Openings.from_sheet(before)
     if openings is None:
         return None

@@ -1,4 +1,4 @@
-"""Stage 4: the pattern of a preset, with rounds in which the weight of the sheet follows the stripes."""
+"""Stage 4: the pattern of a preset, with rounds in which the weight of the sheet depends on the stripes."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -24,7 +24,7 @@ from dsfab.surface import LoadParts, Surface
 
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
-    """Return even stripes after the rounds of weight that [pattern] requests. Raises PatternError as `even_stripes`."""
+    """Return even stripes after the rounds of weight in [pattern]. Raises PatternError as `even_stripes`."""
     if log.progress:
         log.progress("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
@@ -38,19 +38,18 @@ def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log
         try:
             share = drawn_share(preset, analysis, even)
         except PatternError as error:
-            log.note("pattern", f"directions were not sought {'again' if lighter is None else 'twice'}: {error}")
+            count = "a second time" if lighter is None else "a third time"
+            log.note("pattern", f"directions were not computed {count}: {error}")
             break
         lighter = statics_with_weight_share(preset, surface, statics, share)
         even = even_stripes(preset, surface, lighter)
     if lighter is not None:
-        mean_turn, largest_turn = direction_change(
-            surface, *(followed_stress(preset, surface, result) for result in (statics, lighter))
-        )
+        stresses = (followed_stress(preset, surface, result) for result in (statics, lighter))
+        mean_turn, largest_turn = direction_change(surface, *stresses)
         log.note(
             "pattern",
-            f"directions were sought with {share @ surface.areas / surface.area:.0%} of the uncut sheet's weight, face "
-            f"by face what stripes leave: they turned by {mean_turn:.2g} degrees on average, by at most "
-            f"{largest_turn:.2g} on 95 % "
+            f"directions follow {share @ surface.areas / surface.area:.0%} of the uncut sheet's weight, that of the "
+            f"stripes: they turned by {mean_turn:.2g} degrees on average, by at most {largest_turn:.2g} on 95 % "
             "of the surface",
         )
     return even
@@ -62,10 +61,8 @@ def _follows_own_weight(preset: Preset, statics: StaticsResult) -> bool:
 
 
 def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) -> Floats:
-    """Return the share of each face (m,) that stripes and kept regions cover, the same at all images.
-
-    Widths are those of a sketch, without round corners and filled openings.
-    """
+    """Return the share of each face (m,) that stripes and kept regions cover, equal at all symmetric images.
+    Widths are those of a sketch, without round corners and filled openings."""
     surface, sketch = analysis.surface, sketched_step(preset, analysis, even=even)
     polygons = tidied_polygons(surface, sketch.fields, sketch.levels, SHARE_SNAP, sketch.tidy)
     area = polygons.cells.areas(polygons.X)[0] * ~polygons.void
@@ -74,10 +71,9 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics` with a share (m,) of each face's weight in the cases that the pattern follows, at equal
-    stiffness."""
+    """Return `statics`, with a share (m,) of each face's weight in the followed cases, at equal stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # the first round, with the full weight, decided this
+    follow = "layers" if layered else "membrane"  # the first round followed the same stress
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter_loading(loading, surface, share) for loading in loadings(preset, surface)]
     lighter_cases = statics_step(preset.model_copy(update={"statics": section}), surface, Log(None), acting).cases
@@ -94,30 +90,23 @@ def _lighter_loading(loading: Loading, surface: Surface, share: Floats) -> Loadi
 
 
 def direction_change(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Return degrees between the principal directions of stresses (m, 3, 3): a mean, and the 95 % quantile by area.
-
-    The mean is weighted by area and by the difference of the principal stresses `before`. The quantile covers the area
-    with clear directions.
-    """
-    (stress, directions_before), (_, directions_after) = (
-        principal_stresses(surface, sigma) for sigma in (before, after)
-    )
-    axis_before, axis_after = directions_before[:, 0], directions_after[:, 0]
-    across, along = (
-        np.linalg.norm(np.cross(axis_before, axis_after), axis=1),
-        np.abs(np.einsum("mi,mi->m", axis_before, axis_after)),
-    )
-    angle, half_difference = np.degrees(np.arctan2(across, along)), (stress[:, 0] - stress[:, 1]) / 2
+    """Return angles between principal directions of stresses (m, 3, 3), degrees: a mean, and the 95 % quantile by area.
+    The mean is weighted by area and by the difference of the principal stresses `before`. The quantile refers to the
+    area with clear directions."""
+    (stress, directions), (_, directions_after) = (principal_stresses(surface, sigma) for sigma in (before, after))
+    axis_before, axis_after = directions[:, 0], directions_after[:, 0]
+    across = np.linalg.norm(np.cross(axis_before, axis_after), axis=1)
+    angle = np.degrees(np.arctan2(across, np.abs(np.einsum("mi,mi->m", axis_before, axis_after))))
+    half_difference = (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * half_difference
-    # clear: half the difference of the principal stresses exceeds a tenth of the stress
+    # a direction is clear if half the difference of the principal stresses exceeds a tenth of the stress
     clear = np.flatnonzero(half_difference > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     clear_by_angle = clear[np.argsort(angle[clear])]
     cumulated_area = np.cumsum(surface.areas[clear_by_angle])
     if not len(cumulated_area):
         return 0.0, 0.0
-    return float(angle @ size / size.sum()), float(
-        angle[clear_by_angle][np.searchsorted(cumulated_area, 0.95 * cumulated_area[-1])]
-    )
+    quantile = angle[clear_by_angle][np.searchsorted(cumulated_area, 0.95 * cumulated_area[-1])]
+    return float(angle @ size / size.sum()), float(quantile)
 
 
 class EarlierStripes(NamedTuple):
@@ -129,9 +118,7 @@ class EarlierStripes(NamedTuple):
 
 
 class ChosenMethod(NamedTuple):
-    """The chosen method of drawing stripes, before their widths are known, and all attempts of the search, best
-    first.
-    """
+    """The chosen method of drawing stripes, still without widths, and all attempts of the search, best first."""
 
     way: MethodCandidate
     attempts: tuple[Attempt, ...] = ()
@@ -140,16 +127,11 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes, but not the width that a share of material
-    determines.
-
-    earlier : stripes of an earlier design, reused if at most widths and kept regions have changed."""
+    """Choose the method, modes, phases and forces of the stripes; the width that a share of material needs comes later.
+    earlier : stripes of an earlier design, reused if only widths and kept regions may have changed."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
-        message = (
-            f"weight_rounds has no effect on method = '{preset.pattern.method}', but on evenly spaced stripes alone"
-        )
-        log.note("pattern", message)
+        log.note("pattern", f"weight_rounds has no effect on method = '{preset.pattern.method}', only on 'stripes'")
     if preset.pattern.method == "auto":
         candidate, attempts = method_step(preset, analysis, log)
     else:
@@ -167,29 +149,25 @@ def chosen_method(
 
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
-    """Return the stripes by the chosen method; the seconds of `method` include stripes that a search drew."""
+    """Return the stripes by the chosen method; the timing row `method` includes stripes that a search drew."""
     candidate = chosen.way
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(
         candidate.preset, analysis, log, candidate.choice, candidate.grading, candidate.even
     )
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
-    release_freed_memory(4e3 * analysis.surface.m)  # bytes in blocks that drawing cannot use
+    release_freed_memory(4e3 * analysis.surface.m)  # bytes that the drawing of stripes cannot reuse
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)
 
 
 def sketched_pattern(analysis: StressedSurface, chosen: ChosenMethod) -> PatternResult:
-    """Return stripes with widths by a count of points, in a tenth of the time, for a picture until the final stripes
-    exist.
-
-    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share.
-    """
+    """Return stripes with approximate widths in a tenth of the time, for a picture until the final stripes exist.
+    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share."""
     candidate = chosen.way
     return sketched_step(candidate.preset, analysis, candidate.choice, candidate.grading, candidate.even)
 
 
 def _idle_frequencies(options: Pattern, surface: Surface) -> list[str]:
-    """Return notes on frequencies that evenly spaced stripes ignore; the default frequency gives no note."""
     families = [(name, getattr(options, name)) for name in options.family_names]
     return [
         f"pattern.{name}.frequency = {family.frequency:g} has no effect on evenly spaced stripes, which are "
@@ -202,7 +180,6 @@ def _idle_frequencies(options: Pattern, surface: Surface) -> list[str]:
 def _requested_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None
 ) -> MethodCandidate:
-    """Return the requested method, with the modes, phases and widths that the preset leaves open."""
     even = _even_stripes(preset, analysis, log, earlier) if preset.pattern.method == "stripes" else None
     choice = choice_step(preset, analysis, log) if preset.pattern.auto else None
     resolved = preset.with_modes(choice.mode, choice.phase) if choice else preset

@@ -29,16 +29,13 @@ from dsfab.surface import (
 )
 
 IMAGE_DIFFERENCE = 0.3
-"""Largest accepted difference of a region or a guide from its image, as a share, because both follow edges of
-triangles."""
+"""Largest accepted difference of a region or guide from its image, as a share; both follow edges of triangles."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface cut along the outlines of the regions of a preset, without its voids.
-
-    Raises SurfaceError for a region off the surface, and for voids that leave a support, a load or a piece of the
-    surface unsupported.
-    """
+    Raises SurfaceError for a region outside of the surface, and for voids that cut a support, a load or a piece of the
+    surface off from the supports."""
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
     for k in voids:
@@ -58,10 +55,8 @@ class Acting(NamedTuple):
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
     """Return the supports and the loads of a preset on its surface.
-
-    Pickers select on the surface without voids: the edge of an oculus is not a boundary, and the lowest vertices stay
-    the
-    lowest. Raises SurfaceError for a picker of which nothing remains."""
+    Pickers select on the surface without voids: the edge of an oculus is no boundary, and the lowest vertices are those
+    before the void. Raises SurfaceError if nothing remains of the selection of a picker."""
     section = preset.surface
     if not preset.pattern.voids:
         return Acting(section.support, section.load)
@@ -83,10 +78,10 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    """Return the surface before its voids were removed, and the number (n,) on it of each vertex of `surface`."""
+    """Return the surface before its voids were removed, and the number (n,) of each vertex of `surface` on it."""
     results = derived_results(surface)
     if _before_voids not in results:
-        from dsfab.design.surface_and_statics import base_surface  # an import above would be circular
+        from dsfab.design.surface_and_statics import base_surface  # an import at the top would be circular
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
@@ -95,9 +90,6 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
 
 def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
-    """Return a support or load on the part of its pick that remains: vertices (n,) and edges (e, 2) of the whole
-    surface.
-    """
     picker = getattr(entry, "at", None)
     if picker is None or isinstance(picker, All):
         return entry
@@ -105,17 +97,16 @@ def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges
     picked_left = np.flatnonzero(picked)
     if not len(picked_left):
         raise SurfaceError(
-            f"{key}: everything that it picks has been taken away by {voids}; draw that smaller, or pick something else"
+            f"{key}: all of its vertices are inside {voids}; make the void smaller, or pick other vertices"
         )
     edges_left = edges[picked[edges].all(axis=1)]
     is_picked = edges_of(picker, uncut)[uncut.edges.edges_between(*vertices[edges_left].T)]
-    return replace(
-        entry, at=VerticesLeft(tuple(picked_left.tolist()), ends=tuple(map(tuple, edges_left[is_picked].tolist())))
-    )
+    ends = tuple(map(tuple, edges_left[is_picked].tolist()))
+    return replace(entry, at=VerticesLeft(tuple(picked_left.tolist()), ends=ends))
 
 
 def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """Return a sentence on regions whose images under the symmetry are not regions; '' if all images are regions."""
+    """Return a sentence on regions whose symmetric images are not regions; '' if all images are regions."""
     if symmetry is None:
         return ""
     exceptions = []
@@ -128,7 +119,7 @@ def one_sided_message(surface: Surface, regions: Sequence[PatternRegion], symmet
         if matching < symmetry.order:
             exceptions.append(f"{region_key(regions, k)} at {matching}")
     return (
-        f"the stripes are the same at {symmetry.order} images, {', '.join(exceptions)} of them only"
+        f"the stripes have a symmetry of {symmetry.order} images, but {', '.join(exceptions)} of them only"
         if exceptions
         else ""
     )
@@ -153,16 +144,15 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
         raise SurfaceError(
             f"{_void_names(preset)} part{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of {count} "
             f"pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, {y:.3g}, "
-            f"{z:.3g}) m; leave a connection, support it, or draw the void over it"
+            f"{z:.3g}) m; leave a connection, support the piece, or enlarge the void over it"
         )
 
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A load that the sheet is solved for.
-
-    name    : of the case or the combination; empty for all cases together.
-    factors : of the cases in a combination; None for a case, which is solved. Combinations are sums.
+    """A load for which the sheet is solved.
+    name    : name of the case or the combination; empty for the sum of all cases.
+    factors : factors of the cases in a combination; None for a case. dsfab solves cases; combinations are their sums.
     """
 
     name: str
@@ -173,9 +163,7 @@ class Loading:
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
     """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
-
-    Raises SurfaceError for supports and loads that act on nothing.
-    """
+    Raises SurfaceError for supports and loads without a vertex."""
     section, weight = preset.surface, preset.statics.area_weight
     acting = acting_on(preset, surface)
     loads = load_cases(surface, acting.support, acting.load, weight)

@@ -18,12 +18,10 @@ from dsfab.surface import LoadCase, LoadParts, Surface, link_components
 
 @dataclass(frozen=True, eq=False)
 class CoveringLoads:
-    """The material that carries loads on the covering of each face (m,) of an uncut surface.
-
-    to      : (m,) the face that carries the covering of each face: itself if it has material, -1 without such a face.
-    area    : (m,) m2 of material in each face.         place : (m, 3) centre of that material, metres.
-    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry.
-    """
+    """Material that carries loads on the covering of faces (m,) of an uncut surface, such as glass on a gridshell.
+    to      : (m,) the face that carries the covering of each face: the face itself if it has material; -1 without any.
+    area    : (m,) area of material in each face, m2.    place : (m, 3) centre of that material, metres.
+    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry."""
 
     surface: Surface
     to: Ints
@@ -33,11 +31,11 @@ class CoveringLoads:
 
     @classmethod
     def for_sheet(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Return the carrying faces of a sheet that was cut from the surface."""
+        """Return the carrying faces for a sheet that was cut from the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         area_moment = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        carries = area > 0.02 * surface.areas  # a sliver of material cannot carry a load
+        carries = area > 0.02 * surface.areas  # a smaller sliver of material cannot carry a load
         carries = carries if carries.any() else area > 0
         place = np.where(carries[:, None], area_moment / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _face_steps(surface)
@@ -47,16 +45,14 @@ class CoveringLoads:
 
     def forces(self, covered: Floats) -> Floats:
         """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
-
-        Raises StaticsError for a load on a piece of the surface without material.
-        """
+        Raises StaticsError for a load on a piece of the surface without material."""
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
         if len(lost):
             place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
             raise StaticsError(
-                f"the load on the surface near ({place}) m has no support: no material is left of that piece "
-                "of it; load other faces, or change a phase, a mode or pattern.rim"
+                f"the load near ({place}) m has no support, because the cut leaves no material of that piece of the "
+                "surface; load other faces, or change a phase, a mode or pattern.rim"
             )
         force = self._by_opening(load)
         turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
@@ -76,10 +72,8 @@ class CoveringLoads:
         )
         group, number = np.unique(pair[0], return_inverse=True)
         turning = np.cross(self.surface.centroids[loaded_faces] - self.place[self.to[loaded_faces]], load[loaded_faces])
-        moment, weight = (
-            group_sums(number[pair_index], turning, len(group)),
-            np.bincount(pair_index, self.surface.areas[loaded_faces]).astype(np.float64),
-        )
+        moment = group_sums(number[pair_index], turning, len(group))
+        weight = np.bincount(pair_index, self.surface.areas[loaded_faces]).astype(np.float64)
         moment_forces = _moment_forces(number, self.place[pair[1]], weight, moment)
         load_size = np.bincount(number[pair_index], np.linalg.norm(load[loaded_faces], axis=1), len(group))
         moment_too_large = np.bincount(number, np.linalg.norm(moment_forces, axis=1), len(group)) > load_size
@@ -89,7 +83,7 @@ class CoveringLoads:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """Return the marked face (m,) nearest to each face along the surface, over centres of faces and edges; else -1."""
+    """Return the marked face nearest to each face (m,), by paths over centres of faces and edges; -1 without a path."""
     f, g, length = _face_steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     predecessor = dijkstra(
@@ -99,7 +93,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Return pairs of neighbouring faces (k,), and metres between their centres over the middle of their edge."""
+    """Return pairs of neighbouring faces (k,), (k,), and the distance (k,), m, of their centres over their edge."""
     edges = surface.edges
     face, edge = edges.order // 3, edges.of.ravel()[edges.order]
     pairs = np.flatnonzero(edge[1:] == edge[:-1])
@@ -110,8 +104,7 @@ def _face_steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
     """Return forces (k, 3), N, at places (k, 3), without resultant, that give each group (k,) its moment (g, 3), N m.
-
-    They act like bolts with sizes `weight` (k,). A group whose places lie on a line takes no moment about this line."""
+    They act like a group of bolts with areas `weight` (k,). A group along a line takes no moment about this line."""
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -119,23 +112,20 @@ def _moment_forces(group: Ints, place: Floats, weight: Floats, moment: Floats) -
     inertia = np.zeros((count, 3, 3))
     point_inertia = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * point_inertia)
-    # a group thinner than sqrt(1e-9) of its length counts as a line, which has no arm for a moment about it
+    # a group thinner than sqrt(1e-9) of its length counts as a line, which has no lever arm about itself
     theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
 LOST_LOAD_REMEDY = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
-"""Remedy, in messages, for a load that nothing carries."""
+"""Remedy, in messages, for a load on material without a support."""
 
 
 def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """Return a clause on the first load that stands on pieces without support; empty if no piece carries such a load.
-
-    A load moves to the nearest material (`sheet_load`) if its own material was cut away. A load that stands on a piece
-    without support is lost, however close the rest is. Up to 1 % of a load may be lost.
-
-    material : all material, loose pieces included.    sheet : the part of it that remains.
-    loads : the clause reports the first lost load."""
+    """Return a clause on the first load on pieces without support; empty if no piece carries such a load.
+    A load moves to the nearest material (`sheet_load`) if the cut removed its own material. A load on a piece
+    without support is lost, even if other material is near. Up to 1 % of a load may be lost.
+    material : all material, loose pieces included.    sheet : the remaining part of the material."""
     dropped = (material.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
@@ -146,15 +136,14 @@ def lost_load(surface: Surface, material: Sheet, sheet: Sheet, loads: Iterable[L
 
 
 def sheet_loads(surface: Surface, material: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load. Raises StaticsError as `sheet_load`, and for a lost load (see
-    `lost_load`)."""
+    """Return the `sheet_load` of each load; raises StaticsError as `sheet_load`, and for a lost load."""
     if lost := lost_load(surface, material, sheet, loads.values()):
         raise StaticsError(f"{lost}; {LOST_LOAD_REMEDY}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """Return the `sheet_load` of each load; faces that carry coverings are searched once."""
+    """Return the `sheet_load` of each load; the search for faces that carry coverings runs once for all loads."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     covering = CoveringLoads.for_sheet(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, covering) for name, load in loads.items()}
@@ -166,12 +155,11 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
     A concentrated force on a vertex of the sheet stays there; any other moves to the nearest vertex of the sheet:
     resultants are exact, and moments change by the distance moved. Weight and loads on material act on the remaining
     material. A load on a covering goes to the nearest material (see `CoveringLoads`), with resultant and moment. The
-    `parts` refer to the sheet's own vertices and cells.
+    `parts` of the result refer to vertices and cells of the sheet.
 
-    covering : the `CoveringLoads` of this sheet, if it exists.
+    covering : the `CoveringLoads` of this sheet, if the caller has it.
 
-    Raises StaticsError as `sheet_supports` does, and if no material is near a concentrated force.
-    """
+    Raises StaticsError as `sheet_supports`, and if no material is near a concentrated force."""
     supported = sheet_supports(surface, sheet, load)
     point = _moved_forces(surface, sheet, load.point)
     if load.parts is None:
@@ -187,27 +175,20 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, covering: Coverin
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
     """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
-
-    Springs keep the stiffness of vertices that the sheet still has. Edges inside a clamped edge of the uncut surface
-    are clamped.
-
-    Raises StaticsError if no supported vertex is left.
-    """
-    fixed, sheet_vertex = (
-        sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges)),
-        sheet.same_vertex(),
-    )
+    Springs have the stiffness of the remaining vertices. Edges inside a clamped edge of the uncut surface are clamped.
+    Raises StaticsError if no supported vertex remains."""
+    sheet_vertex = sheet.same_vertex()
+    fixed = sheet.vertices_between(surface, load.fixed, _edges_or_none(load.fixed_edges))
     remaining = np.flatnonzero(sheet_vertex >= 0)
     spring = np.zeros((sheet.surface.n, 3))
     np.add.at(spring, sheet_vertex[remaining], load.spring[remaining])
     if not (fixed.any() or spring.any()):
-        raise StaticsError("no supported vertex is left on the sheet; set pattern.keep to protect the supports")
+        raise StaticsError("the cut removed all supported vertices; set pattern.keep to protect the supports")
     clamped = _within_edges(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
     return LoadCase(fixed, np.zeros_like(spring), sheet.vertices_between(surface, load.loaded), spring, clamped)
 
 
 def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
-    """Return forces (n', 3), N, on a sheet, for forces (n, 3) on the vertices of the uncut surface."""
     sheet_vertex, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
     target = sheet_vertex[acting]
     is_lost = target < 0
@@ -217,7 +198,7 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
         if moved.max() > 0.1 * surface.size:  # material farther away cannot carry the load
             place = surface.V[acting[is_lost][moved.argmax()]].round(3).tolist()
             raise StaticsError(
-                f"the load at {place} m finds no material within {moved.max():.3g} m; set pattern.keep to protect loads"
+                f"the load at {place} m has no material within {moved.max():.3g} m; set pattern.keep to protect loads"
             )
     moved_force = np.zeros((sheet.surface.n, 3))
     np.add.at(moved_force, target, force[acting])
@@ -225,18 +206,17 @@ def _moved_forces(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
 
 
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
-    """Return vertices of a sheet (n',) that have a support of the uncut surface, springs included."""
+    """Return vertices of a sheet (n',) with a support of the uncut surface; springs are supports, too."""
     edges = _edges_or_none(load.fixed_edges)
     return sheet.vertices_between(surface, load.supported, None if edges is None else np.asarray(edges.any(axis=1)))
 
 
 def _edges_or_none(edges: Bools) -> Bools | None:
-    """Return held edges; None if a load case defines no edges, because then its vertices decide."""
+    """Return supported edges; None if a load case defines no edges, because then its vertices decide."""
     return edges if len(edges) else None
 
 
 def _within_edges(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
-    """Return edges of the sheet (e',) that lie within marked edges (e,) of the uncut surface."""
     ends = sheet.surface.edges.ends
     weight_sums = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
     weight_sums.data[weight_sums.data < 1 - ON_SIMPLEX] = 0.0

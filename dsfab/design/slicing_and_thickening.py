@@ -1,4 +1,4 @@
-"""Stages 5 and 6: the sheet, cut along the stripes, and the solid."""
+"""Stages 5 and 6: the sheet, cut along the stripes, and the thickened solid."""
 
 from dataclasses import replace
 from functools import partial
@@ -21,15 +21,13 @@ from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, offsets, proven_cells, thicken, with_extras
 
 FILLED_PLATE = 5
-"""Number of filled openings side by side that count as a plate, for a note; the ends of a member have up to three."""
+"""Number of neighbouring filled openings that count as a plate, for a note; the ends of a member have up to three."""
 
 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """Stage 5: cut the surface, and return the cells and the sheet that remains; raise PatternError if nothing
-    remains.
-    """
+    """Cut the surface; return the cells and the remaining sheet: stage 5. Raises PatternError without any material."""
     options = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         finishing, trial = finishing_options(preset, surface, pattern), pattern.trial
@@ -37,7 +35,7 @@ def slicing_step(
         cells = trial.cells if trial else tidied_sheet(surface, *pattern.cut_inputs[:2], options.snap, pattern.tidy)
         cut_cells = cells
         if not cells.material.any():
-            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
+            raise PatternError("the pattern leaves no material; lower pattern.major.threshold or increase pattern.keep")
         finished = finish(cells, finishing, trial)
         resolved = pattern.preset_with_choices(preset)
         cells = kept_to_least_widths(resolved, finished.cells, surface, log, finishing, trial)
@@ -63,22 +61,21 @@ def slicing_step(
 
 
 def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingOptions, stubs: int, log: Log) -> None:
-    filled, merged, bridged, spikes, widened = (
-        finished.counts[name] for name in ("filled", "merged", "bridged", "spikes", "widened")
-    )
+    names = "filled", "merged", "bridged", "spikes", "widened"
+    filled, merged, bridged, spikes, widened = (finished.counts[name] for name in names)
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
-        log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
+        log.note("slicing", f"{which} were cut off or straightened at {_places(stubs)}")
     if filled:
         than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
         openings, verb = (f"{filled} openings", "were") if filled > 1 else ("an opening", "was")
         log.note("slicing", f"{openings} smaller than {than} {verb} filled")
     if merged:
-        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these are one there")
+        log.note("slicing", f"{_slits(merged)} narrower than the members beside: filled, so that these members merge")
     if bridged:
         log.note("slicing", f"{_bridges(bridged)} where openings are narrower than {length(options.neck)}")
     if spikes:
-        log.note("slicing", f"{_spikes(spikes)} cut off that stuck out into openings")
+        log.note("slicing", f"{_spikes(spikes)} cut off, because they projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
         log.note("slicing", f"members were widened to {least} at {_places(widened)}")
@@ -93,9 +90,9 @@ def _note_filled_plate(options: Pattern, surface: Surface, cut_cells: Sheet, fin
         x, y, z = (np.round(filling.place, 2) + 0.0).tolist()
         log.note(
             "slicing",
-            f"{filling.openings} openings that were filled lie side by side around ({x:g}, {y:g}, {z:g}) m, where "
-            "stripes come together: a plate with a ragged edge; another pattern.keep, spacing or pattern.rotate may "
-            "avoid it",
+            f"{filling.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "
+            "together, and form a plate with a ragged edge; another pattern.keep, spacing or pattern.rotate may "
+            "avoid the plate",
         )
 
 
@@ -120,14 +117,13 @@ def _spikes(count: int) -> str:
 
 
 def _fillet_message(radius: float, radii: Floats) -> str:
-    """Return a note on the radii (k,), metres, of rounded corners, compared with the requested radius."""
     if not len(radii):
-        return f"no corner of an opening was rounded: none has room for a radius of {length(radius)} (pattern.fillet)"
+        return f"no corner of an opening was rounded: none has space for a radius of {length(radius)} (pattern.fillet)"
     message = f"{len(radii)} corners of openings were rounded"
     if np.median(radii) < radius / 2:
         half = length(float(np.median(radii)))
-        return f"{message}, half of them with less than {half} for want of room: {length(radius)} was asked"
-    return f"{message} with {length(radius)}, or less for want of room"
+        return f"{message}, half of them with less than {half} for lack of space (pattern.fillet: {length(radius)})"
+    return f"{message} with {length(radius)}, or less for lack of space"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
@@ -171,7 +167,7 @@ def _note_slicing(
         log.note("slicing", f"{_contacts(pinches)} {'joined' if preset.slicing.pinch == 'join' else 'split'}")
     unsupported_loads = np.flatnonzero(load.loaded & (sheet.same_vertex() < 0))
     if lost:
-        log.note("slicing", f"{lost}: nothing carries it; {LOST_LOAD_REMEDY}")
+        log.note("slicing", f"{lost}; {LOST_LOAD_REMEDY}")
     elif len(unsupported_loads):
         log.note(
             "slicing",
@@ -185,34 +181,31 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ between the cut sheet and the uncut sheet, because the uncut sheet gave the directions."""
+    """Note loads that differ on the cut sheet, because the stress of the uncut sheet sets the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
-        uncut_weight, sheet_weight = (
-            force(preset.statics.area_weight * area) for area in (surface.area, sheet.surface.area)
-        )
-        message = f"the cut sheet weighs {sheet_weight}, and is judged and compared with that"
+        areas = surface.area, sheet.surface.area
+        uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
+        message = f"the cut sheet weighs {sheet_weight}, which all its results include"
         if not preset.pattern.rounds:  # with rounds, the pattern's note states this weight
-            message += f"; the directions were sought with {uncut_weight}, the weight of the uncut sheet"
+            message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):
-        log.note("slicing", "what is not covered acts on the members alone; the directions were sought with all of it")
+        log.note("slicing", "loads without covering act on the members only; the directions follow the whole loads")
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Stage 6: thicken the sheet, with offsets of the uncut surface, whose normals are clean, carried through the cut.
-
-    Raises SolidError if the surface bends too sharply for the thickness.
-    """
+    """Thicken the sheet: stage 6. Offsets are those of the uncut surface, with smooth normals, carried through the cut.
+    Raises SolidError if the surface bends too sharply for the thickness."""
     options = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, options.side)
         if offset.smallest < options.thinnest:
             x, y, z = surface.V[offset.tightest]
             raise SolidError(
-                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would be thinned to "
-                f"{offset.smallest:.0%} of its thickness (allowed: {options.thinnest:.0%}); make "
-                "statics.thickness smaller, smooth the surface, or lower thickening.thinnest"
+                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would keep "
+                f"{offset.smallest:.0%} of its thickness (allowed: {options.thinnest:.0%}); reduce "
+                "statics.thickness, smooth the surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells
@@ -220,12 +213,11 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
         proven = proven_cells(layer)[kept_cells(cells, slicing.sheet)]
         solid = thicken(slicing.sheet.surface, D, options.side, proven)
         solid = replace(solid, repairs=replace(solid.repairs, limited=offset.limited, smallest=offset.smallest))
-        solid = with_extras(
-            solid, options.extra, Base(surface, slicing.sheet.surface, partial(slicing.sheet.vertices_between, surface))
-        )
+        base = Base(surface, slicing.sheet.surface, partial(slicing.sheet.vertices_between, surface))
+        solid = with_extras(solid, options.extra, base)
     if options.strict and solid.repairs.pairs:
         message = next(text for text in reversed(solid.notes) if "intersect" in text)
-        raise SolidError(f"{message}; thickening.strict refuses such a solid: make the sheet thinner there")
+        raise SolidError(f"{message}; thickening.strict refuses such a solid: reduce statics.thickness")
     if offset.limited:
         log.note(
             "thickening",

@@ -1,4 +1,4 @@
-"""The stored results of a design, how long they stay, and which of them a revision or a pickled design receives."""
+"""The stored results of a design, their lifetime, and the results that a revision or a pickled design receives."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -14,19 +14,18 @@ RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
 class StageResults:
     """The results of one design by name, each computed once.
 
-    results : of the stages. They stay as long as the design, and a revision shares those before its first difference.
+    results : results of the stages. They stay with the design; a revision shares those before its first difference.
     derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
               omits them, because another process can compute them again.
-    inputs  : intermediate results for one later stage, with that stage. They are large. The stage drops them when it
-              has
-              its result; revisions and pickled designs omit them."""
+    inputs  : large intermediate results for one later stage, with that stage. The stage drops them when it has its
+              result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)
     inputs: dict[str, tuple[str, Any]] = field(default_factory=dict)
 
     def has(self, stage: str) -> bool:
-        """Return whether a result of the stage exists."""
+        """Return True if a result of the stage exists."""
         return any(name in self.results for name in RESULT_NAMES.get(stage, (stage,)))
 
     def result(self, name: str, compute: Callable[[], T]) -> T:
@@ -39,7 +38,7 @@ class StageResults:
         return result
 
     def replace(self, name: str, value: Any) -> None:
-        """Put a smaller value in place of a result, for example without the parts that later stages do not need."""
+        """Replace a result, for example by one without the parts that later stages do not need."""
         self.results[name] = value
 
     def derived_value(self, stage: str, name: str, compute: Callable[[], T]) -> T:
@@ -55,7 +54,7 @@ class StageResults:
         return self.inputs.get(name, ("", None))[1]
 
     def of_stages(self, stages: Sequence[str]) -> "StageResults":
-        """Return the results and derived values of some stages, for a revision."""
+        """Return the results and derived values of these stages, for a revision."""
         names = [name for stage in stages for name in RESULT_NAMES.get(stage, (stage,)) if name in self.results]
         derived = {name: held for name, held in self.derived.items() if held[0] in stages}
         return StageResults({name: self.results[name] for name in names}, derived)

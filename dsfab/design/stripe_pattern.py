@@ -1,4 +1,4 @@
-"""Stage 4: stripes of material, and the regions kept besides them."""
+"""Stage 4: stripes of material, and the regions that are material besides the stripes."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -35,26 +35,21 @@ from dsfab.surface import Surface
 
 EXACT = 1e-9
 """Shares that differ by less are equal, because rounding depends on the order of the sum."""
-
 COUNTED = 2
-"""Points along each side of a face for the rough count that begins a search."""
-
-
+"""Sample points along each side of a face, for the rough measure of material that begins a search."""
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths, which decide which openings of crowded members close.
-If widths vary much, closed openings alone may exceed the requested share, until fewer of them close."""
-
+If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings."""
 SHARE_SNAP = 0.05
 """Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
 
 
 class WidthSearch(NamedTuple):
-    """Options of the search for widths by which layers keep pattern.width.solid_fraction of the surface.
-
-    share     : measures the share of the surface that layers keep.
-    tolerance : accuracy of the share.    guess : multiplier of a similar pattern, or 0; saves time.
+    """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
+    share     : returns the share of the surface that layers cover.
+    tolerance : accuracy of the share.    guess : width factor of a similar pattern, which saves time, or 0.
     counted   : a quicker, rougher `share`, which begins the search.
-    added     : share that round corners add: the stripes keep the requested share less this one."""
+    added     : share that round corners add; the share of the stripes is the requested share minus this share."""
 
     share: Callable[[Sequence[Layer]], float]
     tolerance: float
@@ -65,11 +60,9 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _MeasuredShares:
-    """Cut layers and return the share of the surface that they keep.
-
-    reached : all shares.    layers, polygons : the latest layers, and the surface cut along them.
-    trial   : the latest finished cut.
-    """
+    """Measure the share of the surface that layers cover, by cuts.
+    reached : all measured shares.    layers, polygons : the latest layers, and the surface cut along them.
+    trial   : the latest finished cut."""
 
     preset: Preset
     given: StressedSurface
@@ -79,7 +72,7 @@ class _MeasuredShares:
     trial: TrialCut | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()  # frees memory for the next cut
+        self.forget()  # this frees memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = tidied_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
@@ -88,7 +81,6 @@ class _MeasuredShares:
         return self.reached[-1]
 
     def nearest(self, target: float) -> float:
-        """Return the measured share nearest to a target."""
         return min(self.reached, key=lambda one: abs(one - target))
 
     def added(self, pattern: PatternResult) -> float:
@@ -104,7 +96,6 @@ class _MeasuredShares:
         return share
 
     def forget(self) -> None:
-        """Drop the latest layers."""
         self.layers = self.polygons = None
 
 
@@ -116,11 +107,9 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return the pattern. Kept regions come first, because stripes do not cut the material of earlier layers.
-
-    preset  : with modes and phases chosen.    choice : of modes and phases, if they were `auto`.
-    grading, even : (n, f), and evenly spaced stripes; see `drawable_families`.
-    """
+    """Return the pattern. Kept regions precede stripes, because a layer does not cut the material of earlier layers.
+    preset  : preset with chosen modes and phases.    choice : choice of modes and phases, if they were `auto`.
+    grading : (n, f) relative half-widths.    even : evenly spaced stripes; see `drawable_families`."""
     options, surface = preset.pattern, analysis.surface
     with log.stage("pattern", "drawing stripes"):
         kept_layers = kept_regions(preset, surface, analysis.load, even)
@@ -165,11 +154,11 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Return `pattern_step` with widths by a count of points, without any cut."""
+    """Return `pattern_step` with approximate widths, from sample points instead of cuts."""
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # error of the counted shares
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # the error of shares by sample points
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -183,11 +172,9 @@ def member_widths(preset: Preset, surface: Surface) -> Widths:
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Return the least width, metres, of evenly spaced members of varying width, by default.
-
-    Graded members are at least as wide as the sheet is thick; stressed members as wide as a workshop makes them.
-    Without
-    this limit slicing would widen each of them slowly, and take the added material from members with more force."""
+    """Return the default least width (m) of evenly spaced members of varying width.
+    Graded members are at least as wide as the sheet is thick; stressed members at least as wide as a workshop can make.
+    Without this limit slicing would widen each of them slowly, and take the material from members with more force."""
     stressed = preset.pattern.width.rule == "stressed"
     least = least_drawn_member(preset, surface) if stressed else preset.statics.thickness
     return min(least, least_member(preset.pattern, surface))
@@ -201,7 +188,7 @@ def _note_spacings(preset: Preset, families: Sequence[DrawableFamily], log: Log)
 
 
 def pattern_result(preset: Preset, families: Sequence[DrawableFamily], layers: Sequence[Layer]) -> PatternResult:
-    """Return the pattern of layers that are cut together, with the numbers of its families."""
+    """Return the pattern of layers that are cut together, with frequencies, modes and phases of its families."""
     options = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -218,10 +205,8 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept layers and stripes with the requested share, and the multiplier of their widths.
-
-    Raises PatternError if no widths give that share.
-    """
+    """Return kept layers and stripes with the requested share, and the factor on the widths.
+    Raises PatternError if no widths give that share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
@@ -231,11 +216,11 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # below 1, as crossings count once
+        slope = 0.85 * requested if guess else 0.0  # below 1, because two members share their crossing
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept_layers, COUNTED)  # its widths decide which openings close
+            counted = counted_share(surface, kept_layers, COUNTED)  # the rough widths decide which openings close
         if counted is not None:
-            with suppress(PatternError):  # the search below has the better message
+            with suppress(PatternError):  # the final search raises a more precise error
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
@@ -253,9 +238,9 @@ def _layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers with a requested share, and their factor; the given factor, near it, decides which openings close.
+    """Return layers with a requested share, and their factor; the given factor decides which openings close.
 
-    solve : returns the result of `solved_factor` for a share as a function of the factor over the given one.
+    solve : solves for the factor over the given one, like `solved_factor`, from a function that returns the share.
 
     The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
     is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
@@ -276,13 +261,13 @@ def _layers_with_share(
         _, nearest, solution = min(distant, key=lambda one: one[0])
         return solution, nearest
     if isinstance(refused[0], ShareJumpError):
-        raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
+        raise PatternError(f"{refused[0]}, or allow a larger pattern.width.solid_fraction_tolerance")
     raise refused[0]
 
 
 @dataclass
 class _CachedLayers:
-    """Layers at multiples of a factor, with a cache of the latest, which the search mostly returns."""
+    """Layers at multiples of a factor, with a cache of the latest layers, which the search mostly returns."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -303,14 +288,13 @@ def drawable_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[DrawableFamily]:
-    """Return the families of stripes; major stripes run along the primary stress, minor stripes along the secondary.
+    """Return the families of stripes; major stripes along the first principal stress, minor stripes along the second.
 
-    radius  : metres over which slopes are averaged, see `Widths.radius`.
+    radius  : distance (m) over which slopes are averaged, see `Widths.radius`.
     grading : (n, f) relative half-widths for the rule `stressed`; by default those of the rule `graded`.
     even    : evenly spaced stripes; None for stripes on modes.
 
-    Raises PatternError for a mode that was not computed.
-    """
+    Raises PatternError for a mode that was not computed."""
     surface, diffusion = analysis.surface, analysis.diffusion
     options, families = preset.pattern, list[DrawableFamily]()
     stress: list[Floats | None] = [None] * len(options.family_names)
@@ -326,8 +310,8 @@ def drawable_families(
         family, modes = getattr(options, name), getattr(diffusion, name)
         if family.number > len(modes.lam):
             raise PatternError(
-                f"pattern.{name}.mode = {family.number} but only diffusion.modes = {len(modes.lam)} are computed; "
-                "raise diffusion.modes or choose a lower mode"
+                f"pattern.{name}.mode = {family.number}, but only diffusion.modes = {len(modes.lam)} are computed; "
+                "increase diffusion.modes or choose a lower mode"
             )
         x, stripes = modes.mode(family.number), family.stripes
         if family.spacing:
@@ -337,10 +321,8 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the size of the stress (n, 2) along both families, over the common mean; graded widths follow it.
-
-    Raises PatternError if the stress is zero.
-    """
+    """Return the size of the stress (n, 2) along both families, over the mean of both; graded widths depend on it.
+    Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
         along = even.steered.along[:, None]
@@ -372,7 +354,6 @@ def _even_families(
 
 
 def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: float) -> str:
-    """Return a note on the widths for the requested share of material, and on a share that was missed."""
     options = preset.pattern
     if widths.rule == "constant":
         became = f"members are {length(factor * widths.member)} wide"
@@ -385,4 +366,4 @@ def _solved_width_message(preset: Preset, widths: Widths, factor: float, share: 
     message = f"{became} for solid_fraction = {options.width.solid_fraction:.1%}"
     if abs(share - options.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
         return message
-    return f"{message}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"
+    return f"{message}; {share:.2%} is the nearest, because the share jumps where ends of members appear"

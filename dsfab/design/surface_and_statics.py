@@ -47,10 +47,11 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, parallel
 class SolvedSheet:
     """The loadings of a preset, solved by one factorisation, then their combinations as sums.
 
-    plane     : whether the sheet was solved in its plane, without bending.
+    plane     : True if the sheet was solved in its plane, without bending.
     made      : (N, N) stiffness, N/m, by the elements that solved the sheet.
     factor_of : makes the factor, and caches it for repeated use.
-    answers   : equilibrium under each loading.    sigma : (m, 3, 3) Pa, of the middle surface, under each loading."""
+    answers   : equilibrium under each loading.    sigma : (m, 3, 3) stress of the middle surface (Pa) for each
+                loading."""
 
     acting: Sequence[Loading]
     plane: bool
@@ -81,7 +82,7 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
 
 
 def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
-    """Add the seconds of a factorisation to the row `factor`: they are part of the row of the caller."""
+    """Add the seconds of a factorisation to the timing row `factor`, which is part of the row of the caller."""
 
     def factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
         with log.row("factor"):
@@ -91,15 +92,14 @@ def _timed_factor(factor_of: FactorFunction, log: Log) -> FactorFunction:
 
 
 MOST_VERTICES = 200_000
-"""Most vertices for which better elements replace hinges.
-Their factor takes 17 GB at 250,000 vertices (hinges: 3.6 GB) and four times the time of the other stages. A design with
-a million vertices, which needs 16 GB, would never finish."""
+"""Largest number of vertices for which accurate elements replace hinges.
+The factor of these elements takes 17 GB at 250,000 vertices (hinges: 3.6 GB) and four times the time of all other
+stages. A design with a million vertices, which needs 16 GB with hinges, would never finish."""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
-    """Stress, energy, frequencies and buckling of a solved sheet, under each loading.
-
-    rough : compute stress and energy alone, by the elements that solved the sheet."""
+    """Return stress, energy, frequencies and buckling of a solved sheet, under each loading.
+    rough : True for stress and energy only, by the elements that solved the sheet."""
     sheet = preset.statics
     model, matrices = sheet.sheet().model_for(surface), dict(solved.made)
 
@@ -108,16 +108,14 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
             matrices[elements] = sheet_stiffness(model, elements)
         return matrices[elements]
 
-    other_factors, (requested, refusals) = (
-        FactorCache(2),
-        (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log),
-    )
+    other_factors = FactorCache(2)
+    requested, refusals = (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log)
     if requested and log.progress:
         log.progress("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
     results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):
-            # loads do not change how the sheet swings
+            # natural frequencies do not depend on the load
             case_request = replace(requested, frequencies=0) if results else requested
             case = SolvedCase(loading.load, loading.spread, answer, sheet.elements, solved.factor_of, solved.plane)
             result = sheet_answers(model, case, stiffness, case_request, other_factors)
@@ -125,23 +123,20 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
             results.append(replace(result, vibration=results[0].vibration) if results else result)
     named_answers = [(loading.name, answers) for loading, answers in zip(solved.acting, results, strict=True)]
     strong = preset.judged_in("ULS", [name for name, _ in named_answers if name])
-    _note_answers(
-        [(name, answers) for name, answers in named_answers if name in strong], requested, sheet, surface, log
-    )
+    checked = [(name, answers) for name, answers in named_answers if name in strong]
+    _note_answers(checked, requested, sheet, surface, log)
     return results
 
 
 def _affordable_results(sheet: Statics, surface: Surface, log: Log) -> tuple[ResultRequest, tuple[str, ...]]:
-    """Return the results that a mesh of this size allows, and the reason if modes are refused; note that stress is
-    by hinges."""
     requested = sheet.analyses
     if surface.n <= MOST_VERTICES or requested.elements_for(sheet.elements) == sheet.elements:
         return requested, ()
-    why = f"{surface.n:,} vertices are too many for the elements that they need, {MOST_VERTICES:,} are allowed"
+    why = f"{surface.n:,} vertices are too many for accurate elements ({MOST_VERTICES:,} are allowed)"
     log.note(
         "statics",
-        f"the stress of the uncut sheet is that of {sheet.elements} elements, a rough one: {why}; build a coarser mesh "
-        "(surface.edge) to have it",
+        f"the stress of the uncut sheet is rough, by {sheet.elements} elements: {why}; build a coarser mesh "
+        "(surface.edge) for accurate stress",
     )
     return ResultRequest(), (f"no natural frequencies, no buckling factors: {why}",) if requested.modes else ()
 
@@ -153,18 +148,15 @@ def _note_answers(
     if requested and requested.elements_for(sheet.elements) != sheet.elements:
         why = "hinge bending is fit for directions only"
         if sheet.bending != "hinge":
-            why = f"{sheet.elements} is not accurate enough to be reported from"
-        log.note(
-            "statics",
-            f"stress, energy, frequencies and buckling are those of {elements} elements on the same mesh: {why}",
-        )
+            why = f"{sheet.elements} elements are not accurate enough for reports"
+        log.note("statics", f"stress, energy, frequencies and buckling are those of {elements} elements: {why}")
     facets = facet_number(surface, sheet.thickness)
     if requested and elements.bending == "hhj" and facets > FACETS:
         log.note(
             "statics",
-            f"flat faces bend by themselves under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
-            f"under {FACETS}): the largest stress is too high by up to that share; make the mesh finer (surface.edge, "
-            "or surface.refine with smooth)",
+            f"each flat face bends under pressure and weight (edge x fold / thickness = {facets:.2g}, better "
+            f"under {FACETS}), so that the largest stress is too high by up to that share; make the mesh finer "
+            "(surface.edge, or surface.refine with smooth)",
         )
     for name, answers in named_answers:
         _note_case_answers(f" under {name}" if len(named_answers) > 1 else "", answers, sheet, log)
@@ -179,28 +171,24 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
     if answers.buckling is not None and not len(answers.buckling.factor):
         log.note("statics", f"the load compresses no part of the uncut sheet{under}: it does not buckle")
     elif answers.buckling is not None and answers.buckling.factor[0] < 1:
-        log.note(
-            "statics", f"the uncut sheet buckles{under} before it carries the load; make it thicker or the load smaller"
-        )
+        log.note("statics", f"the uncut sheet buckles{under} before it carries the load; increase statics.thickness")
     reliable = answers.elements.bending != "hinge"
     if sheet.strength and reliable and (share := answers.stress.peak.stress / sheet.strength) > 1:
         log.note(
             "statics",
-            f"the largest stress in the uncut sheet{under} exceeds the strength, being {share:.0%} of it: a thicker "
-            "sheet (statics.thickness) is stressed less, unless its own weight is most of the load",
+            f"the largest stress in the uncut sheet{under} is {share:.0%} of the strength; increase statics.thickness, "
+            "unless the sheet's own weight is most of the load",
         )
 
 
 BENDING_SHARE = 0.5
-"""`auto` follows all layers if bending stores at least this share of the strain energy."""
+"""Least share of the strain energy in bending for which statics.stress = "auto" follows all layers."""
 
 
 class FollowedStress(NamedTuple):
     """Stress (m, 3, 3), Pa, that the pattern follows under each loading, and a note for the user, or ''.
-
-    sigma   : of the middle surface, or of the lower side of a slab.
-    layered : of all layers, if the pattern follows them instead; else None.
-    """
+    sigma   : stress of the middle surface, or of the lower side of a slab.
+    layered : stress of all layers, if the pattern follows all layers; else None."""
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -210,34 +198,24 @@ class FollowedStress(NamedTuple):
 def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
-    """Return the stress that [statics] stress selects, for a sheet that was solved with bending.
-
-    sigma : (m, 3, 3) Pa each, of its middle surface.
-
-    Raises StaticsError if elements that are fit for moments cannot solve the sheet.
-    """
+    """Return the stress that statics.stress selects, for a sheet that was solved with bending.
+    sigma : (m, 3, 3) stress of its middle surface (Pa), for each loading.
+    Raises StaticsError if elements that give reliable moments cannot solve the sheet."""
     option = preset.statics.stress
     if is_slab(surface, answers):
         lower = [stress.tensor("bottom") for stress in _moment_stresses(preset, surface, acting, answers)]
-        return FollowedStress(
-            lower, None, "the sheet is flat and bends: the pattern follows the stress at its lower side"
-        )
+        note = "the sheet is flat and bends: the pattern follows the stress at its lower side"
+        return FollowedStress(lower, None, note)
     share = bending_share(preset, surface, acting, answers)
     if option == "layers" or (option == "auto" and share >= BENDING_SHARE):
         stresses = _moment_stresses(preset, surface, acting, answers)
         message = f"the pattern follows the stress of all layers of the sheet: bending stores {share:.0%} of its energy"
-        return FollowedStress(
-            sigma,
-            [
-                layer_stress(surface, sheet_stress.tensor("middle"), _bending_stress(sheet_stress))
-                for sheet_stress in stresses
-            ],
-            message,
-        )
+        layered = [layer_stress(surface, s.tensor("middle"), _bending_stress(s)) for s in stresses]
+        return FollowedStress(sigma, layered, message)
     if option == "membrane" and share >= BENDING_SHARE:
         message = (
-            f"bending stores {share:.0%} of the sheet's energy, and the pattern follows its middle surface, which that "
-            'does not stress; judge it beside statics.stress = "layers": either may be the stiffer'
+            f"bending stores {share:.0%} of the sheet's energy, but the pattern follows the stress of its middle "
+            'surface, which is free of bending; compare with statics.stress = "layers", which may be stiffer'
         )
         return FollowedStress(sigma, None, message)
     return FollowedStress(sigma)
@@ -245,9 +223,7 @@ def followed_layers(
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
     """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without energy.
-
-    `hinge` elements give a rough figure only (see `hinge_energy`).
-    """
+    `hinge` elements give a rough value only (see `hinge_energy`)."""
     weights = [preset.followed_weights.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
     total = sum(w * float(a.stress.energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -255,19 +231,16 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Return whether the surface is flat and its middle almost free of stress under all loadings."""
+    """Return True if the surface is flat and its middle surface is almost free of stress under all loadings."""
     stresses = [answer.stress for answer in answers]
-    return surface.is_flat and only_bends(
-        np.stack([case_stress.membrane for case_stress in stresses]),
-        np.stack([case_stress.bending for case_stress in stresses]),
-    )
+    membrane, bending = [s.membrane for s in stresses], [s.bending for s in stresses]
+    return surface.is_flat and only_bends(np.stack(membrane), np.stack(bending))
 
 
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading; solve the sheet again after hinge elements, because they scatter too
-    much."""
+    """Return the stress under each loading; after hinge elements, which scatter, the sheet is solved again."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -280,41 +253,36 @@ def _bending_stress(stress: SheetStress) -> Floats:
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
-    """Note the worst residual of all cases, and needles in the mesh."""
+    """Note the largest residual of all cases, and very thin triangles in the mesh."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
     if (residual := answers[rough].residual) > REPORTED_RESIDUAL:
         log.note(
             "statics",
-            f"the equations are solved to {residual:.1e}{under[rough]} (wanted: {REPORTED_RESIDUAL:g}): the sheet "
-            "is very "
-            "thin or nearly a mechanism, or the mesh has needles",
+            f"the equations have a relative error of {residual:.1e}{under[rough]} (limit: {REPORTED_RESIDUAL:g}): the "
+            "sheet is very thin or nearly a mechanism, or the mesh has very thin triangles",
         )
     if message := needle_message(surface):
         log.note("statics", f"{message}: stresses there are poor; remesh the surface")
 
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
-"""Limits of a surface's size over its thickness; beyond them units are wrong, and the program refuses the preset."""
-
+"""Limits of a surface's size over its thickness; outside of them units are wrong, and dsfab refuses the preset."""
 USUAL_SLENDERNESS = (10.0, 5e3)
-"""Usual range of the same ratio; a note reports values outside."""
+"""Usual range of a surface's size over its thickness; a note reports values outside."""
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Refuse an impossible ratio of size and thickness, and note an unusual ratio: units may be swapped."""
+    """Raise SurfaceError for an impossible ratio of size and thickness; note an unusual one: units may be swapped."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not POSSIBLE_SLENDERNESS[0] < slenderness < POSSIBLE_SLENDERNESS[1]:
         is_python_mesh = isinstance(preset.surface, MeshSurface)  # a Python mesh has no key surface.unit
-        unit = (
-            'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,'
-            if is_python_mesh
-            else "surface.unit (mm, m, in ...)"
-        )
-        raise SurfaceError(f"{message}: that is no sheet; check {unit} and statics.thickness (metres)")
+        python_unit, file_unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,', "surface.unit (mm, m, ...)"
+        unit = python_unit if is_python_mesh else file_unit
+        raise SurfaceError(f"{message}, which is impossible; check {unit} and statics.thickness (metres)")
     if not USUAL_SIZE[0] < surface.size < USUAL_SIZE[1]:
         log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL_SLENDERNESS[0] < slenderness < USUAL_SLENDERNESS[1]:
@@ -335,42 +303,35 @@ def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
     """Solve all load cases, and compute the results that [statics] requests.
-
     acting : loads that replace those of the preset.
-    solved : result of `checked_sheet`, if it exists.
-    """
+    solved : result of `checked_sheet`, if the caller has it."""
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
     with log.row("stress"):
-        follow = (
-            FollowedStress(solved.sigma)
-            if solved.plane
-            else followed_layers(preset, surface, solved.acting, answers, solved.sigma)
-        )
+        follow = FollowedStress(solved.sigma)
+        if not solved.plane:
+            follow = followed_layers(preset, surface, solved.acting, answers, solved.sigma)
     if follow.told:
         log.note("statics", follow.told)
     return _statics_result(preset, surface, solved, answers, follow, log)
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
-    """Return the statics without better elements, for a sketch.
-
-    None if the design needs no better elements, or if the stress to follow may depend on them."""
+    """Return the statics without accurate elements, for a sketch.
+    None if the design needs no other elements, or if the stress that the pattern follows may depend on them."""
     sheet = preset.statics
     if sheet.analyses.elements_for(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDING_SHARE / 2:
-        return None  # by hinges the share is only rough
+        return None  # hinge elements give only a rough share
     return _statics_result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def same_followed_stress(rough: StaticsResult, statics: StaticsResult) -> bool:
-    """Return whether the pattern follows the same stress under both results, in every case."""
-    cases = rough.cases
-    return all(
-        np.array_equal(case.followed_stress, cases[name].followed_stress) for name, case in statics.cases.items()
-    )
+    """Return True if the pattern follows the same stress under both results, in every case."""
+    pairs = ((case.followed_stress, rough.cases[name].followed_stress) for name, case in statics.cases.items())
+    return all(np.array_equal(*pair) for pair in pairs)
 
 
 def _statics_result(
@@ -395,7 +356,7 @@ def _statics_result(
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """Stage 1: return the surface, metres, cut along the outlines of regions."""
+    """Return the surface (m), cut along the outlines of regions: stage 1."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = base_surface(preset, log)
         if preset.pattern.region:
@@ -403,7 +364,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         count = pieces(surface.F, surface.edges)[0]
     if count > 1:
         doubled = coincident(surface.V)
-        merge = f", unless its {doubled} vertices that lie where another one does are merged" if doubled else ""
+        merge = f", unless its {doubled} vertices with equal coordinates are merged" if doubled else ""
         log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
     for remark in parallel_remarks(surface.V, surface.F):
         log.note("surface", remark)
@@ -412,9 +373,7 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-
-    Edges are shorter where the stress changes, by statics on even triangles, if [surface] requests that.
-    """
+    If [surface] requests so, edges are shorter where the stress changes, by statics on even triangles."""
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()
@@ -433,7 +392,6 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
 
 
 def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
-    """Return the surface before remeshing, and note what a file's reader repaired or dropped."""
     if not isinstance(section, FileSurface):
         return section.base_surface()
     file = section.read()
@@ -443,9 +401,7 @@ def _source_surface(section: OwnSurface, log: Log | None) -> Surface:
             log.note("surface", f"{section.file.name}, {remark}")
         if any(section.origin):
             offset = coordinates(section.origin)
-            log.note(
-                "surface", f"files are about {offset} m of the mesh: move what goes back by that; IFC files say it"
-            )
+            log.note("surface", f"output files have their origin at {offset} m of the mesh, as IFC files state")
     return file.surface
 
 

@@ -18,16 +18,12 @@ from dsfab.surface import polyline_length
 
 KNOT_DIGITS = 4
 """Decimals of knots, which are millimetres along the polyline."""
-
-
 AT_ONCE = 5_000
-"""Number of samples in one batch of lines; the arrays of a batch fit into the processor's cache."""
+"""Number of samples in one batch of lines, whose arrays fit into the processor's cache."""
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Matrix that turns a cubic's values at thirds of a span into its coefficients of 1, x, x^2 and x^3, with x from 0
-to 1."""
-
+"""Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
 Refined = tuple[Floats, Floats, int, float]
 """Knots, poles, degree, and the largest distance from the polyline."""
 
@@ -35,9 +31,7 @@ Refined = tuple[Floats, Floats, int, float]
 @dataclass(frozen=True, eq=False)
 class SampledLine:
     """A polyline (k, d) with the lengths along it (k,), its total length rounded to 1e-4 mm, and a number of samples.
-
-    smooth : the line is closed, and its spline has the same tangent at both ends.
-    """
+    smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats
     length: Floats
@@ -54,32 +48,30 @@ class SampledLine:
 
     @property
     def bow(self) -> float:
-        """Largest distance from the chord between the ends, at equal shares of the length."""
+        """Largest distance between the line and the chord of its ends, at equal shares of the length."""
         share, start, end = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - start - share[:, None] * (end - start), axis=1).max())
 
     @cached_property
     def sample_lengths(self) -> Floats:
-        """(k + 1,) lengths of the k + 1 samples along the line."""
+        """Lengths along the line of all samples (count + 1,)."""
         return np.asarray(np.arange(self.count + 1) / self.count * self.total)
 
     @cached_property
     def samples(self) -> Floats:
-        """(k + 1, d) points of the samples."""
+        """Points of all samples (count + 1, d)."""
         return np.stack(self._points_at(np.arange(self.count + 1) / self.count), axis=1)
 
     @cached_property
     def check_points(self) -> tuple[Floats, list[Floats]]:
-        """Return (q,) ascending lengths and d arrays (q,) of the line's coordinates there, to compare with the
-        spline.
-        """
+        """Ascending lengths (q,) and d arrays (q,) of the line's coordinates there, to compare with the spline."""
         finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._points_at(share)
 
     @property
     def breaks(self) -> Floats:
-        """(s,) ends of the spans of the first attempt: one span, or two for a smooth line."""
+        """Ends of the spans (s,) of the first attempt: one span, or two for a smooth line."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _points_at(self, shares: Floats) -> list[Floats]:
@@ -87,17 +79,14 @@ class SampledLine:
 
 
 def splines_by_halving(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """Fit a spline to each line: halve the spans until the spline is within the tolerance.
-
-    A line gets None instead of a spline if the tolerance needs more samples than the line has.
-    """
+    """Fit a spline to each line; spans are halved until the spline is within the tolerance.
+    A line gets None instead of a spline if the tolerance needs more samples than the line has."""
     splines: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
         while breaks:
-            rows = _SplineSystem(
-                [runs[k] for k in breaks], [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
-            )
+            rounded = [np.round(span_ends, KNOT_DIGITS) for span_ends in breaks.values()]
+            rows = _SplineSystem([runs[k] for k in breaks], rounded)
             poles, next_breaks = rows.poles(), dict[int, Floats]()
             for k, span_ends, (low, high), errors in zip(
                 breaks, rows.breaks, rows.ends, rows.errors(poles), strict=True
@@ -129,13 +118,8 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 class _SplineSystem:
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
-        self.knots = np.concatenate(
-            [
-                part
-                for run, span_ends in zip(runs, breaks, strict=True)
-                for part in ([0.0] * 3, span_ends, [run.total] * 3)
-            ]
-        )
+        pairs = zip(runs, breaks, strict=True)
+        self.knots = np.concatenate([x for run, ends in pairs for x in ([0.0] * 3, ends, [run.total] * 3)])
         size = np.array([len(span_ends) for span_ends in breaks])
         self.first_knot = np.concatenate([[0], np.cumsum(size + 6)])
         self.first_pole = np.concatenate([[0], np.cumsum(size + 2)])
@@ -151,9 +135,7 @@ class _SplineSystem:
         return np.concatenate(counts)
 
     def _hats(self, x: Floats, counts: Ints) -> tuple[Floats, Ints]:
-        """Return the `counts` nonzero basis functions at lengths x, (4, k), and (k,) the number of the first of each
-        four.
-        """
+        """Return the nonzero basis functions (4, k) at lengths x, and the number of the first of each four (k,)."""
         spans = np.array([len(span_ends) - 1 for span_ends in self.breaks])
         row, span = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         span -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -161,11 +143,9 @@ class _SplineSystem:
         return values, np.repeat(span + self.first_pole[row], counts)
 
     def poles(self) -> Floats:
-        """(n, d) poles of the least-squares cubic splines, which begin and end at the first and last samples.
-
-        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is
-        the last - b d, with a and b a third of the first and the last span.
-        """
+        """Return the poles (n, d) of the least-squares cubic splines between the first and last samples.
+        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is the last - b
+        d, with a and b a third of the first and the last span."""
         lengths = [run.sample_lengths for run in self.runs]
         values, first_hats = self._hats(np.concatenate(lengths), self._span_counts(lengths))
         points = np.concatenate([run.samples for run in self.runs])
@@ -176,10 +156,8 @@ class _SplineSystem:
             ends += [*range(low, low + many), *range(high - many, high)]
             start[low : low + many], start[high - many : high] = run.samples[0], run.samples[-1]
             if run.smooth:
-                tangent[[low + 1, high - 2], 0] = (
-                    (span_ends[1] - span_ends[0]) / 3,
-                    -(span_ends[-1] - span_ends[-2]) / 3,
-                )
+                tangent[low + 1, 0] = (span_ends[1] - span_ends[0]) / 3
+                tangent[high - 2, 0] = -(span_ends[-1] - span_ends[-2]) / 3
         system = LeastSquares.from_hats(values, first_hats, self.first_pole[:-1], n, np.array(ends))
         poles = system.poles(points, start)
         return self._smooth_poles(system, poles, points, tangent) if tangent.any() else poles
@@ -194,17 +172,14 @@ class _SplineSystem:
         for run, (low, high), stop in zip(self.runs, self.ends, end.tolist(), strict=True):
             if run.smooth:
                 direction = along[stop - run.count - 1 : stop]
-                poles[low:high] += (
-                    free[low:high] @ (direction.T @ residual[stop - run.count - 1 : stop]) / (direction.T @ direction)
-                )
+                projected = direction.T @ residual[stop - run.count - 1 : stop]
+                poles[low:high] += free[low:high] @ projected / (direction.T @ direction)
         return poles
 
     def errors(self, poles: Floats) -> list[Floats]:
-        """Largest distances of the spans of each line, poles (n, d)."""
-        begin, wide = (
-            np.concatenate([lengths[:-1] for lengths in self.breaks]),
-            np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks]),
-        )
+        """Return the largest distance of each span from the polyline, for each line; poles (n, d)."""
+        begin = np.concatenate([lengths[:-1] for lengths in self.breaks])
+        wide = np.concatenate([lengths[1:] - lengths[:-1] for lengths in self.breaks])
         four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
         values, first_hats = self._hats(four, np.full(len(wide), len(THIRDS)))
         span_points = sum(values[i][:, None] * poles[first_hats + i] for i in range(4))
@@ -223,8 +198,6 @@ class _SplineSystem:
 
 SHARP = np.deg2rad(30.0)
 """An outline has a corner where it turns by more than this (radians)."""
-
-
 SPANS = 4
 """Largest number of spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge,
 however many spans the edge has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %. With 4
@@ -234,23 +207,19 @@ spans the volume changes by 6e-5."""
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
-
-    deviation : largest distance between points of the curve and of the polyline at equal shares of the length.
-    """
+    deviation : largest distance between points of the curve and of the polyline at equal shares of the length."""
 
     deviation: float
 
     @property
     def is_straight(self) -> bool:
-        """True for a line."""
         return self.degree == 1
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
-
-    corner : (k,) vertices between two curves; the function adds sharp turns. A loop with at most one corner has one
-             smooth curve, which is split in two.
+    corner : (k,) True at vertices between two curves; the function adds sharp turns. A loop with at most one corner has
+             one smooth curve, which is split in two.
     Returns None if a spline misses the tolerance."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
@@ -259,14 +228,13 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
         curves = [curve for curve in chain if curve is not None]
         return curves if len(curves) == len(chain) else None
     start = int(corners[0]) if len(corners) else 0
-    closed_curve = fitted_curve(
-        loop[(start + np.arange(len(loop) + 1)) % len(loop)], tolerance, smooth=not len(corners)
-    )
+    line = loop[(start + np.arange(len(loop) + 1)) % len(loop)]
+    closed_curve = fitted_curve(line, tolerance, smooth=not len(corners))
     return None if closed_curve is None else halves(closed_curve)
 
 
 def turning(loop: Floats) -> Floats:
-    """(k,) turning angles (radians) at the vertices of a closed polyline (k, 2); counter-clockwise is positive."""
+    """Return turning angles (k,), radians, of a closed polyline (k, 2); counter-clockwise is positive."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
@@ -275,9 +243,7 @@ def turning(loop: Floats) -> Floats:
 @dataclass(frozen=True, eq=False)
 class Polyline:
     """Input of a curve fit: points (k, 2) or (k, 3), and the largest number of samples of the fit.
-
-    smooth : the line is closed, and its curve has the same tangent at both ends.
-    """
+    smooth : True for a closed line whose curve has the same tangent at both ends."""
 
     points: Floats
     smooth: bool = False
@@ -285,15 +251,13 @@ class Polyline:
 
 
 def fitted_curve(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
-    """Fit one curve to the polyline (k, 2) or (k, 3); return None if the curve needs too many samples."""
+    """Fit one curve to the polyline (k, 2) or (k, 3); None if the curve needs too many samples."""
     return fitted_curves([Polyline(line, smooth)], tolerance)[0]
 
 
 def fitted_curves(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
     """Fit one curve to each polyline; a line gets None if its curve needs more samples than the line allows.
-
-    For thousands of lines, one call takes a sixth of the time of single calls.
-    """
+    For thousands of lines, one call takes a sixth of the time of single calls."""
     curves: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -350,18 +314,15 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
 
 CLOSEST = 1e-3
 """Smallest tolerance of curves along exact lines (mm)."""
-
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
-"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline has points, and takes
+"""Limits of the samples of a spline. A spline with more samples has more poles than the polyline points, and takes
 long to fit."""
-
-
 REMEMBERED = 4096
-"""Largest number of lines in the cache of curves. The next format of the same design uses the curves again."""
+"""Largest number of lines in the cache of curves. The next format of the same design reuses the curves."""
 
 
 def curve_tolerance(part: Part) -> float:
-    """Tolerance of the curves along a part's lines (mm)."""
+    """Return the tolerance of the curves along a part's lines (mm)."""
     return max(part.details.tolerance, CLOSEST)
 
 
@@ -372,15 +333,13 @@ def chains(part: Part) -> list[list[Curve]]:
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """Fit curves to a polyline (k, 3) within `tolerance` (mm); they begin and end at its sharp turns.
-
-    A closed line without corners becomes one smooth curve. The result has the polyline's own segments where no spline
-    meets the tolerance.
-    """
+    A closed line without corners becomes one smooth curve. It has the polyline's own segments where no spline
+    meets the tolerance."""
     return all_curves_along([points], tolerance)[0]
 
 
 def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
-    """Apply `curves_along` to each polyline (k, 3); one fit covers all lines that the cache does not have."""
+    """Apply `curves_along` to each polyline (k, 3); one fit covers all lines that are not in the cache."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
     chain_by_key = {key: _remembered[key] for key in keys if key in _remembered}
@@ -435,7 +394,7 @@ def _segments(points: Floats) -> list[Curve]:
 
 
 def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
-    """Merge neighbouring straight curves of a chain into polylines (k, 3); the splines do not change."""
+    """Merge neighbouring straight curves of a chain into polylines (k, 3); splines stay unchanged."""
     pieces = list[Curve | Floats]()
     for straight, group in groupby(chain, key=lambda curve: curve.is_straight):
         run = list(group)
@@ -444,41 +403,34 @@ def joined_segments(chain: list[Curve]) -> list[Curve | Floats]:
 
 
 def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
-    """(k,) ascending parameters along a curve with knots (p,), `per_span` in each span.
-
-    With 16 points the measured length is right to 1e-4 if the span turns by less than a radian.
-    """
+    """Return ascending parameters (k,) along a curve with knots (p,), `per_span` in each span.
+    With 16 points the measured length has an error below 1e-4 if the span turns by less than a radian."""
     breaks = np.unique(knots)
     inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
 
 
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
-    """Check the curves that a reader found in a file against the lines of a part.
-
+    """Compare the curves that a reader found in a file with the lines of a part.
     curves_read : by line id, points (k, 3) along each curve of the line (mm).
-    The total length must agree within the tolerance of bends, and each line must lie in its place.
-    Raises ExportError if the file differs from the part.
-    """
+    The total length must agree within the tolerance of bends, and each line must have its position.
+    Raises ExportError if the file differs from the part."""
     lines = {line.id: line.points for line in part.details.lines}
     if curves_read.keys() != lines.keys():
         raise count_error(part, "lines", len(lines), len(curves_read))
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
     for name, points in lines.items():
-        box_read, box_expected = (
-            np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(curves_read[name]), points)
-        )
+        clouds = np.concatenate(curves_read[name]), points
+        box_read, box_expected = (np.array([x.min(axis=0), x.max(axis=0)]) for x in clouds)
         if not (moved := float(np.abs(box_read - box_expected).max())) <= 2 * curve_tolerance(part):
             raise ExportError(
-                f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from where it is; "
-                "write another format"
+                f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from its place; write another format"
             )
     return ReadBack(len(curves_read), "lines", error, "length")
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length (mm) against the total length of the part's lines; ExportError if too
-    large."""
+    """Return the relative error of a length (mm) to that of the part's lines; raises ExportError if too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

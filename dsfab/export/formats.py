@@ -1,4 +1,4 @@
-"""List of the file formats, and `write`, which writes a solid or a sheet to a file."""
+"""All file formats, and the function `write`, which writes a solid or a sheet to a file."""
 
 import difflib
 import time
@@ -34,13 +34,12 @@ MISSING: dict[MemberContent, str] = {
     "utilisation": "no members to check; only a design knows them",
     "frame": "no beam model; only a design knows it",
 }
-"""Words for the error message if a part lacks the content of a format."""
+"""Text of the error message for a part without the content of a format."""
 
 
 @dataclass(frozen=True)
 class Format:
     """A file format with its functions for a part.
-
     encode  : returns the bytes.
     check   : reads the file back; raises ExportError if the content differs.
     prepare : returns the part, rounded as the format rounds.
@@ -56,12 +55,11 @@ class Format:
 class MeshFormat(Format):
     """A format for solids, or for any mesh.
 
-    sheets       : True if the format can hold an open sheet.
-    alternatives : returns alternatives of the part, the best first; `write` takes the first that passes the check. An
+    sheets       : True if the format can contain an open sheet.
+    alternatives : returns alternatives of the part, the best first; `write` chooses the first that passes the check. An
                    ExportError in place of a part means that `write` skips this alternative without a trial.
-    sentence     : returns a sentence about the alternative that `write` took, from the earlier refusals.
-    refusal      : returns the error to raise if `write` refused all alternatives.
-    """
+    sentence     : returns a sentence about the chosen alternative, from the errors of earlier ones.
+    refusal      : returns the error to raise if all alternatives failed."""
 
     sheets: bool = True
     alternatives: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
@@ -72,10 +70,8 @@ class MeshFormat(Format):
 @dataclass(frozen=True)
 class SheetFormat(Format):
     """A format for lines on a sheet, or for fields on a sheet.
-
     content : lines on a sheet; a solid and lines; or fields of the uncut surface.
-    curves  : True if the format holds smooth curves and so needs exact lines.
-    """
+    curves  : True if the format contains smooth curves and so needs exact lines."""
 
     content: Literal["lines", "solid and lines", "fields"] = "lines"
     curves: bool = False
@@ -84,10 +80,8 @@ class SheetFormat(Format):
 @dataclass(frozen=True)
 class MemberFormat(Format):
     """A format for members, for forces of members, or for the beam model.
-
     content  : the field of `Details` that the format writes.
-    sentence : returns a sentence about the content, or ''.
-    """
+    sentence : returns a sentence about the content, or ''."""
 
     content: MemberContent = field(kw_only=True)
     sentence: Callable[[Part], str] = lambda part: ""
@@ -96,9 +90,7 @@ class MemberFormat(Format):
 @dataclass(frozen=True)
 class Written:
     """A file that was written and read back.
-
-    size : bytes.    seconds : wall time of writing and reading.    found : content according to the second reader.
-    """
+    size : bytes.    seconds : time of writing and reading.    found : content according to the second reader."""
 
     path: Path
     size: int
@@ -107,7 +99,7 @@ class Written:
 
     @property
     def summary(self) -> str:
-        """Summary: 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
+        """One line: 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
         seconds = f"{self.seconds:.2g}" if self.seconds < 100 else f"{self.seconds:.0f}"
         return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.summary}, {seconds} s"
 
@@ -131,9 +123,9 @@ FORMATS: dict[str, MeshFormat | SheetFormat | MemberFormat] = {
     ".lines.step": SheetFormat(file.encode_lines, file.check_lines_file, curves=True),
     ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, sentence=file.route_sentence),
     ".ifc": MeshFormat(ifc.encode, ifc.check, sheets=False, ready=ifc.require_ifcopenshell),
-    ".obj": MeshFormat(triangles.encode_obj, triangles.check_obj),
+    ".obj": MeshFormat(triangles.encode_obj, triangles.check_with_trimesh),
     ".ply": MeshFormat(triangles.encode_ply, triangles.check_ply),
-    ".off": MeshFormat(triangles.encode_off, triangles.check_off),
+    ".off": MeshFormat(triangles.encode_off, triangles.check_with_trimesh),
     ".glb": MeshFormat(gltf.encode, gltf.check, in_single_precision),
     ".3dm": SheetFormat(
         rhino.encode,
@@ -189,18 +181,18 @@ def write(
 ) -> Path:
     """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
 
-    thing   : metres. Files are in millimetres (.glb in metres, as its standard demands) and name the unit if they can.
+    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires), with the unit if possible.
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
-    details : lines, fields and facts, for the formats that hold them.
-    note    : function that gets a line on the route of a STEP file and the reasons against better routes.
-    report  : function that gets size, seconds, triangles or faces, and the error of the volume.
+    details : lines, fields and facts, for the formats that contain them.
+    note    : receives a line on the route of a STEP file and the reasons against better routes.
+    report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
-    Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (area of a
-    sheet) to 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an older file.
-    Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines, a shape
-    that the format cannot hold, too many faces for STEP, no permission or space, and a file that reads back different.
-    """
+    Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (for a sheet
+    the same area) within 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an
+    older file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
+    a shape that the format cannot contain, too many faces for STEP, no permission or space, a file that reads back
+    different."""
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
     form.ready()
@@ -208,7 +200,7 @@ def write(
     if not (part.is_solid or holds_sheets(form)):
         open_formats = ", ".join(suffix for suffix, f in FORMATS.items() if holds_sheets(f))
         raise ExportError(
-            f"a {path.suffix.lower()} file holds closed solids and {part.name!r} is an open sheet; "
+            f"{path.name}: a {path.suffix.lower()} file needs a closed solid, but {part.name!r} is an open sheet; "
             f"thicken it first, or write {open_formats}"
         )
     part = _with_options(part, step, details)
@@ -226,19 +218,17 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid; keywords as in `write`. No file is written."""
+    """Estimate the cost of each route to a STEP file of a solid, without a file; keywords as in `write`."""
     part = part_of(thing, name)
     if not part.is_solid:
-        raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
+        raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")
     return estimates(strategies.prepare(_with_options(part, step, details)))
 
 
 def _with_options(part: Part, step: StepOptions | str, details: Details | None) -> Part:
     options = StepOptions(step) if isinstance(step, str) else step
     if options.route not in strategies.ROUTES:
-        raise ExportError(
-            f"step = {options.route!r} names no way to write STEP; use one of {', '.join(strategies.ROUTES)}"
-        )
+        raise ExportError(f"step = {options.route!r} is not known; use one of {', '.join(strategies.ROUTES)}")
     marked = np.zeros((0, 3)) if options.corners is None else MM_PER_M * np.asarray(options.corners, dtype=np.float64)
     return replace(
         part,
@@ -253,18 +243,18 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
 
 
 def holds_sheets(form: Format) -> bool:
-    """Return whether a format can hold an open sheet."""
+    """Return True if a format can contain an open sheet."""
     return not isinstance(form, MeshFormat) or form.sheets
 
 
 def _require_content(form: Format, part: Part, suffix: str) -> None:
     details = part.details
     if isinstance(form, SheetFormat) and form.content == "lines" and not details.lines:
-        raise ExportError(f"a {suffix} file holds lines and {part.name!r} comes with none; give write() details")
+        raise ExportError(f"a {suffix} file needs lines, but {part.name!r} has none; give write() details with lines")
     if not isinstance(form, MemberFormat):
         return
     if form.content == "member_forces" and details.member_forces is not None and not details.member_forces:
-        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv, of every face")
+        raise ExportError(f"{part.name!r} has no member with a bay between two nodes; write forces.csv of all faces")
     if not getattr(details, form.content):
         raise ExportError(f"{part.name!r} has {MISSING[form.content]}: use design.write(...)")
 
@@ -291,16 +281,14 @@ def _put(form: MeshFormat | SheetFormat | MemberFormat, part: Part, temporary: P
 
 
 def suffix_of(path: Path) -> str:
-    """Return the suffix in lower case: two words if both name the format (`.lines.step`), and `members.json` for
-    that name."""
+    """Return the suffix in lower case; both words if two name the format (`.lines.step`, `members.json`)."""
     double = "".join(path.suffixes[-2:]).lower()
     file_name = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (file_name, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> MeshFormat | SheetFormat | MemberFormat:
-    """Return the format of a suffix in any case; raises ExportError for an unknown suffix and names the most similar
-    one."""
+    """Return the format of a suffix in any case; raises ExportError that suggests a similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

@@ -19,10 +19,8 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
 @dataclass(frozen=True)
 class MemberFacts:
     """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
-
     own_area     : area of the member without the parts that crossing members include in their own areas.
-    counted_with : names of these crossing members.
-    """
+    counted_with : names of these crossing members."""
 
     member: "Member"
     length: float
@@ -34,7 +32,7 @@ class MemberFacts:
 
     @property
     def words(self) -> dict[str, str]:
-        """Texts by name for an object of a drawing program."""
+        """Texts by name, for an object of a drawing program."""
         facts = {key: str(getattr(self.member, key)) for key in ("kind", "family", "stripe")}
         facts = {key: text for key, text in facts.items() if text}
         facts |= {"length_mm": f"{self.length:.1f}", "width_mm": f"{self.width:.1f}"}
@@ -44,13 +42,11 @@ class MemberFacts:
 
 
 def graph_of(part: Part) -> "MemberGraph":
-    """Return the members of a part; the part must have members."""
     assert part.details.members is not None
     return part.details.members
 
 
 def facts_of_members(part: Part) -> dict[str, MemberFacts]:
-    """Return the facts of each member of a part, by its name."""
     graph, whole = graph_of(part), part.details.whole_members
     return {member.id: _facts(graph, k, whole) for k, member in enumerate(graph.members)}
 
@@ -125,7 +121,7 @@ def rounded_mm(metres: float) -> float:
 
 
 def rounded_lists(values: Floats, digits: int = LENGTH_DIGITS) -> list[Any]:
-    """Return an array (...) as rounded lists for files."""
+    """Return an array as nested, rounded lists for files."""
     lists: list[Any] = (values.round(digits) + 0.0).tolist()
     return lists
 

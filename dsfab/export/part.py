@@ -1,4 +1,4 @@
-"""`Part`: the mesh, lines and facts of a file in millimetres, with the divided sheet and the bodies of members."""
+"""Content of a file (`Part`): its mesh, lines and facts in millimetres, the divided sheet and the bodies of members."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -30,12 +30,11 @@ NO_PAIRS.setflags(write=False)
 class DividedSheet(NamedTuple):
     """A sheet divided into charts.
 
-    V, F      : (n', 3) and (m', 3), metres; pieces share no vertices.
+    V, F      : (n', 3) vertices and (m', 3) faces, metres; pieces share no vertices.
     D         : (n', 3) half-thickness vectors, metres.
     chart     : (m',) chart of each face.
     half_edge : (k,) half-edges of the boundary, numbered 3 face + corner.
-    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface.
-    """
+    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface."""
 
     V: Floats
     F: Ints
@@ -50,9 +49,9 @@ class StripedSheet(NamedTuple):
 
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
-    label   : (m,) equal for cells of the same stripes.    loose : (m,) cells outside of all stripes.
-    seam    : (k, 2) pairs of half-edges at one place and in one direction, where a one-sided surface was cut open.
-    """
+    label   : (m,) equal for cells of the same stripes.    loose : (m,) True for cells outside of all stripes.
+    seam    : (k, 2) pairs of half-edges at one place and in one direction, on both sides of the cut of a one-sided
+              surface."""
 
     F: Ints
     weights: csr_array
@@ -65,13 +64,12 @@ class StripedSheet(NamedTuple):
 class Curved:
     """The surface of a cut sheet, with functions that divide the sheet.
 
-    V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
-    D     : (n, 3) half-thickness vectors on it, metres.
-    shift : offset of the sheet's middle from the surface in units of D: 0, 1 or -1.
+    V, F  : (n, 3) vertices and (m, 3) faces of the uncut, oriented surface, metres.
+    D     : (n, 3) half-thickness vectors at these vertices, metres.
+    shift : offset of the sheet's middle from the surface as a multiple of D: 0, 1 or -1.
     divided : divides the sheet by fields (n, c) on the uncut surface: chart k is the part where field k is largest.
-    striped : function that divides the sheet along its stripes; None if the stripes are unknown.
-    twins : (k, 2) pairs of vertices at one place with opposite D, where a one-sided surface was cut open.
-    """
+    striped : divides the sheet along its stripes; None if the stripes are unknown.
+    twins : (k, 2) pairs of vertices at one place with opposite D, on both sides of the cut of a one-sided surface."""
 
     V: Floats
     F: Ints
@@ -95,9 +93,8 @@ class MemberShape:
     id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
     V, F  : (n, 3), (m, 3) vertices and triangles of the body; triangles counter-clockwise seen from outside.
     axis  : (k, 3) points along the middle of the member; (0, 3) if the member has no axis.
-    edges : closed outlines (k, 3) on the middle surface.
-    plate : True for a plate, False for a long and narrow member.
-    """
+    edges : closed outlines on the middle surface, points (k, 3) each.
+    plate : True for a plate, False for a long and narrow member."""
 
     id: str
     layer: str
@@ -120,31 +117,29 @@ class MemberShape:
 
 STEP_FACES = 30_000
 """Default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements."""
-
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
-"""Ways to write a STEP file; `compact` means the same as `smooth`."""
+"""Names of the ways to write a STEP file; `compact` means the same as `smooth`."""
 
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """Content of a file besides its mesh; each format takes the parts that it can hold.
+    """Content of a file besides its mesh; each format uses the parts that it can contain.
 
     lines     : edges and centre lines, metres.
     tolerance : largest error of the content (m): of the `lines`, or of curves through exact `lines`.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
-    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
+    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, as far as known.
     frame     : the beam model of the members; the `facts` of a beam model compare it with the sheet.
     section_forces : section forces by case and combination, in the faces of `sheet` (metres).
     member_forces  : forces by member.    utilisation : utilisation of the members.
     description    : text about the whole part.
     material       : name of the material, or ''.
     members        : members and nodes.
-    whole_members  : True if crossing members lie one over the other, so that each member has its whole area.
+    whole_members  : True if crossing members lie on each other, so that each member has its whole area.
     drawings       : drawing files of each member's parts, by the name of the member.
     shapes    : members as bodies, metres.
-    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
-    """
+    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up)."""
 
     lines: tuple[StructureLine, ...] = ()
     tolerance: float = 0.0
@@ -188,10 +183,9 @@ class StepOptions:
     faces     : largest number of planar faces; coplanar triangles count as one face.
     tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
                 simplified within this tolerance, or for 0 only if all other routes fail.
-    megabytes : largest size of the file in 1e6 bytes; 0 means no limit.
-    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even where the outline turns by little.
-    curved    : function that returns the curved sheet for smooth STEP.
-    """
+    megabytes : largest size of the file in 1e6 bytes; 0: no limit.
+    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even if the outline hardly turns there.
+    curved    : returns the curved sheet for smooth STEP."""
 
     route: str = "auto"
     faces: int = STEP_FACES
@@ -203,7 +197,7 @@ class StepOptions:
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """A triangle mesh that will be written to a file.
+    """A triangle mesh for a file.
 
     V          : (n, 3) vertices, millimetres.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
@@ -214,14 +208,13 @@ class Part:
     tolerance  : largest error of the curves of a planar STEP file (mm); 0 is the default.
     corners    : (k, 3) points of the outline that curves of a planar STEP file must not round, millimetres.
     details    : lines, fields and facts; lengths in millimetres.
-    step_mb    : largest size of a STEP file, 1e6 bytes; 0 means no limit.
+    step_mb    : largest size of a STEP file, 1e6 bytes; 0: no limit.
     note       : text about earlier changes of the mesh.
     simpler    : True if earlier changes removed triangles of the solid.
-    curved     : function that returns the sheet for smooth STEP; None if only the solid is known.
-    cut        : True if OCCT tries one cut of a smooth file, unless the cut takes long.
-    hurry      : effort limit for smooth STEP if the user did not name the route, otherwise 0. It limits the number of
-                 layouts, the walls (as a multiple of a quick number), and the faces by members.
-    """
+    curved     : returns the sheet for smooth STEP; None if only the solid is known.
+    cut        : True to try one cut of a smooth file with OCCT, unless the cut takes long.
+    hurry      : limit of the effort for smooth STEP if the user did not choose the route, otherwise 0. It limits the
+                 number of layouts, the walls (as a multiple of a quick number), and the faces by members."""
 
     V: Floats
     F: Ints
@@ -246,7 +239,7 @@ class Part:
 
     @cached_property
     def box(self) -> Floats:
-        """(2, 3) lowest and highest corner of the faces, millimetres."""
+        """Lowest and highest corner (2, 3) of the faces, millimetres."""
         return bounding_box(self.V, self.F)
 
     @cached_property
@@ -262,31 +255,27 @@ class Part:
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
     """Return a solid or sheet as a part in millimetres.
-
     Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
-    not finite, because no format can hold them.
-    """
+    not finite, because no format can contain these."""
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
-        raise ExportError(f"{name!r} has no faces, so there is nothing to write")
+        raise ExportError(f"{name!r} has no faces, so the file would be empty; check the mesh")
     bad = np.flatnonzero(~np.isfinite(part.V).all(axis=1))
     if len(bad):
         raise ExportError(f"{len(bad)} vertices of {name!r} are not finite numbers (first: {first_few(bad)})")
     if part.is_solid:
         faults = open_edges(part.F)
         if faults:
-            raise ExportError(f"the solid {name!r} is open at {faults} edges, so it has no inside; close it first")
+            raise ExportError(f"the solid {name!r} is open at {faults} edges; close its holes first")
         if not part.volume > 0:
-            raise ExportError(f"the solid {name!r} has no inside, its volume is {part.volume:.3g} mm3; turn its faces")
+            raise ExportError(f"the volume of {name!r} is {part.volume:.3g} mm3, not positive; turn its faces over")
     return part
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
-
-    Readers merge equal points and keep collapsed triangles; STEP cannot hold these. `holding` names the rounding in the
-    message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face.
-    """
+    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` names the rounding in
+    the message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
@@ -302,7 +291,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
         collapsed = np.unique([a[lost], b[lost]])
         raise ExportError(
             f"{len(collapsed)} vertices of {part.name!r} are too close together for {holding} "
-            f"(first: {first_few(collapsed)}) and the shape does not survive their merging; "
+            f"(first: {first_few(collapsed)}), and merging them would change the shape; "
             "coarsen the mesh there, or move it to the origin (surface.origin)"
         )
     return small
@@ -314,14 +303,12 @@ def in_single_precision(part: Part) -> Part:
 
 
 def open_edges(F: Ints) -> int:
-    """Return the number of edges of F (m, 3) whose two directions do not occur equally often.
-
-    The number is 0 for a closed, oriented mesh."""
+    """Return the number of edges of F (m, 3) without an opposite edge; 0 for a closed, oriented mesh."""
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     forward, backward = (np.sort(keys[mask]) for mask in (a < b, a > b))
     if np.array_equal(forward, backward) and len(forward) + len(backward) == len(keys):
-        return 0  # this quick test takes a tenth of the time, and nearly all meshes pass it
+        return 0  # nearly all meshes pass this quick test, which takes a tenth of the time
     keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
     return int(np.count_nonzero(balance))

@@ -1,5 +1,4 @@
-"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members of the
-file."""
+"""Comparison of a written file with its part: a second reader returns the mesh, the lines or the members."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,15 +13,13 @@ from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
 NUMBERS_READ_BACK = 1e-9
-"""Relative tolerance of numbers of 10 or more digits that are read back, as a share of the largest number."""
+"""Largest error of numbers of 10 or more digits that are read back, as a share of the largest number."""
 
 
 @dataclass(frozen=True)
 class ReadBack:
     """Content of a file according to a reader: the number of `what`, and the relative error of a measure (or NaN).
-
-    measure : volume of a solid, area of a sheet, length of lines.
-    """
+    measure : volume of a solid, area of a sheet, length of lines."""
 
     count: int
     what: str
@@ -31,7 +28,7 @@ class ReadBack:
 
     @property
     def summary(self) -> str:
-        """Summary: '1,408 faces, volume error 3e-06'."""
+        """Text such as '1,408 faces, volume error 3e-06'."""
         error = "" if np.isnan(self.off) else f", {self.measure} error {abs(self.off):.0e}".replace("0e+00", "0")
         return f"{self.count:,} {self.what}{error}"
 
@@ -42,10 +39,8 @@ _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dt
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
     """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
-
-    libigl saves the half second of importing trimesh. For a path with characters beyond ASCII trimesh is used, because
-    libigl cannot open such paths on every system. Raises ExportError if the file is not such a mesh.
-    """
+    libigl saves half a second, the time to import trimesh. trimesh reads files whose path has characters beyond ASCII,
+    because libigl cannot open them on every system. Raises ExportError if the file is not such a mesh."""
     if not str(path).isascii():
         return read_with_trimesh(path)
     import igl
@@ -65,16 +60,14 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
     try:
         mesh = trimesh.load_mesh(path, process=False)
-    except (ValueError, LookupError, TypeError) as error:  # the file ends too early
+    except (ValueError, LookupError, TypeError) as error:  # for example, the file ends too early
         raise ExportError(f"{path.name} cannot be read: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """Check a mesh V (n, 3), in millimetres, F (m, 3) against the part: triangles, box, volume; a solid must be closed.
-
-    Raises ExportError if the mesh differs from the part.
-    """
+    """Compare a mesh V (n, 3), millimetres, F (m, 3) with the part: triangles, box, volume; a solid must be closed.
+    Raises ExportError if the mesh differs from the part."""
     if len(F) != len(part.F):
         raise count_error(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -83,9 +76,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     moved = float(np.abs(bounding_box(V, F) - part.box).max())
     if not moved <= READ_BACK * size:
-        raise ExportError(
-            f"{part.name!r} reads back with its bounding box moved by {moved:.3g} mm; write another format"
-        )
+        raise ExportError(f"the bounding box of {part.name!r} reads back {moved:.3g} mm away; write another format")
     if part.is_solid and open_edges(F):
         raise ExportError(f"{part.name!r} reads back open at {open_edges(F)} edges; write another format")
     error = check_measure(part, signed_volume(V, F) if part.is_solid else total_area(V, F))
@@ -93,7 +84,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
 
 
 def check_measure(part: Part, measure_read: float) -> float:
-    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError if it is over 0.1 %."""
+    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError if it exceeds 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
     if not abs(measure_read - expected) <= READ_BACK * abs(expected):
         raise ExportError(
@@ -104,13 +95,11 @@ def check_measure(part: Part, measure_read: float) -> float:
 
 
 def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
-    """Check polylines (k, 3) against the part's lines: equal number, equal total length to 0.1 %; else ExportError."""
+    """Compare polylines (k, 3) with the part's lines: equal number, total length within 0.1 %; else ExportError."""
     lines = part.details.lines
     if len(lines_read) != len(lines):
         raise count_error(part, "lines", len(lines), len(lines_read))
-    expected, length_read = (
-        sum(map(polyline_length, points)) for points in ([line.points for line in lines], lines_read)
-    )
+    expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))
     if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
             f"the lines of {part.name!r} read back {length_read:.6g} mm long instead of {expected:.6g} mm; "
@@ -131,11 +120,9 @@ def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
 
 
 def distinct_rows(rows: Floats) -> tuple[Floats, Ints]:
-    """Return the distinct rows of an array (k, 3), and for each row (k,) its index among the distinct rows.
-
+    """Return the distinct rows of an array (k, 3), and the index (k,) of each row among the distinct rows.
     A hash of the bits identifies a row, in a sixth of the time of comparing rows. If two hashes collide, the function
-    compares the rows directly.
-    """
+    compares the rows directly."""
     rows = rows + 0.0  # the sum turns -0 into 0
     bits = np.ascontiguousarray(rows).view(np.uint64)
     mixed = (bits ^ (bits >> np.uint64(29))) * _ODD
@@ -167,10 +154,9 @@ def layer_colour(layer: str) -> tuple[int, int, int]:
 
 
 def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
-    """Check meshes by name, V (n, 3) in millimetres and F (m, 3), against the part's members.
-
-    Each mesh must be closed, and have the member's number of triangles, place, and volume to 0.1 %; else ExportError.
-    """
+    """Compare meshes by name, V (n, 3) in millimetres and F (m, 3), with the part's members.
+    Each mesh must be closed, with the member's number of triangles, its place, and its volume within 0.1 %; else
+    ExportError."""
     shapes = part.details.shapes
     if [shape.id for shape in shapes] != list(meshes_read):
         raise count_error(part, "members", len(shapes), len(meshes_read))

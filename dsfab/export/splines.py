@@ -12,8 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 @dataclass(frozen=True, eq=False)
 class Spline:
-    """A clamped B-spline: ascending knots (p + degree + 1,), poles (p, d), degree 1, 2 or 3. A straight line has two
-    poles."""
+    """A clamped B-spline: knots (p + degree + 1,), ascending, poles (p, d), degree 1, 2 or 3. A line has two poles."""
 
     knots: Floats
     poles: Floats
@@ -24,34 +23,32 @@ class Spline:
         lock(self, "poles", np.float64, (None, None))
 
     def __call__(self, x: Floats) -> Floats:
-        """(k, d) points at parameters x (k,)."""
+        """Return points (k, d) at parameters x (k,)."""
         from scipy.interpolate import BSpline
 
-        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times as fast
+        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times faster
 
 
 def segment_spline(a: Floats, b: Floats) -> Spline:
-    """Return the line from a (d,) to b (d,)."""
+    """Return the straight line from a (d,) to b (d,)."""
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
 def bernstein(x: Floats) -> Floats:
-    """Return the (k, 4) cubic Bernstein polynomials at x (k,) in [0, 1]."""
+    """Return the cubic Bernstein polynomials (k, 4) at x (k,) in [0, 1]."""
     y, values = 1 - x, np.empty((len(x), 4))
     values[:, 0], values[:, 1], values[:, 2], values[:, 3] = y**3, 3 * x * y**2, 3 * x**2 * y, x**3
     return values
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
-    """Return the number of the first of the four nonzero cubic basis functions at each x (k,), and their values (k,
-    4)."""
+    """Return the number of the first of the four nonzero cubic basis functions at x (k,), and the values (k, 4)."""
     first_hats, values, _ = hats(x, knots)
     return first_hats, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return the first of the four nonzero cubic basis functions at each x (k,), their values and their slopes (k,
-    4)."""
+    """Return the first of the four nonzero cubic basis functions at x (k,), their values and slopes (k, 4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -62,10 +59,9 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return (4, k) values of the cubic basis functions at x (k,) in spans from knots[span], and (3, k) shares [de Boor
-    1978].
-
-    Basis function r of a degree combines the functions r and r - 1 of the degree below; the shares are the factors."""
+    """Return values (4, k) of cubic basis functions at x (k,) in spans from knots[span], and shares (3, k) [de
+    Boor 1978].
+    A basis function r of a degree combines functions r and r - 1 of the degree below; the shares are the factors."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -81,13 +77,10 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
-
     Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
-
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
     factor : (4, n) banded Cholesky factor of their products; rows of fixed poles are the identity.
-    held   : numbers of the fixed poles.
-    """
+    held   : numbers of the fixed poles."""
 
     values: Floats
     first: Ints
@@ -97,34 +90,32 @@ class LeastSquares:
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
         """Factor the equations of basis functions `values` (4, k), the first of each four at `first_hats` (k,) among n.
-
-        first_poles : (r,) the first pole of each curve.
-        """
+        first_poles : (r,) the first pole of each curve.    fixed_poles : numbers of the fixed poles."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
-            raise np.linalg.LinAlgError(f"the products of hats are not positive at pole {failed}")
+            raise np.linalg.LinAlgError(f"the spline fit is singular at pole {failed}")
         return cls(values, first_hats, factor, fixed_poles)
 
     def solve(self, right_side: Floats) -> Floats:
-        """(n, d) solution for a right-hand side (n, d); 0 at fixed poles."""
+        """Return the solution (n, d) for a right-hand side (n, d); 0 at fixed poles."""
         right_side = np.array(right_side)
         right_side[self.held] = 0.0
         solution, _ = dpbtrs(self.factor, right_side, lower=1)
         return np.asarray(solution)
 
     def values_at_samples(self, poles: Floats, samples: Ints | slice = slice(None)) -> Floats:
-        """(k, d) values of the splines with poles (n, d) at the samples, or at a subset of them."""
+        """Return values (k, d) of the splines with poles (n, d) at the samples, or at a subset of them."""
         first_hats, values = self.first[samples], self.values[:, samples]
         return np.asarray(sum(values[i][:, None] * poles[first_hats + i] for i in range(4)))
 
     def sums(self, Q: Floats) -> Floats:
-        """Return the (n, d) sum over all samples of Q (k, d) times each basis function."""
+        """Return the sum (n, d), over all samples, of Q (k, d) times each basis function."""
         around, shares = (self.first[:, None] + np.arange(4)).ravel(), self.values.T
         columns = [np.bincount(around, (shares * q[:, None]).ravel(), self.factor.shape[1]) for q in Q.T]
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """(n, d) poles nearest to samples Q (k, d); start (n, d) holds the fixed poles, and 0 elsewhere."""
+        """Return the poles (n, d) nearest to samples Q (k, d); start (n, d) contains the fixed poles, else 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True
@@ -140,22 +131,20 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
             band[j - i] += np.bincount(first_hats + i, values[i] * values[j], n)
     band[0, fixed_poles] = 0.0
     size = np.diff(np.append(first_poles, n))
-    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)  # for spans without samples
+    # a small diagonal keeps spans without samples solvable
+    band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
-        band[below, fixed_poles] = band[below, fixed_poles - below] = (
-            0.0  # entries before the first pole belong to the last one, and are not used
-        )
+        # entries before the first pole belong to the last pole, and are not used
+        band[below, fixed_poles] = band[below, fixed_poles - below] = 0.0
     return band
 
 
 @dataclass(frozen=True, eq=False)
 class SplineRows:
-    """Samples of several curves, one after the other.
-
-    number : (r,) number of each curve; count, first, last (r,) : its number of samples and their range.
-    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,).
-    """
+    """Samples of several curves, one after the other; a row is a curve.
+    number : (r,) number of each curve.    count, first, last : (r,) its number of samples, its first and last sample.
+    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) of each curve."""
 
     number: Ints
     count: Ints
@@ -176,26 +165,25 @@ class SplineRows:
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def subset(self, chosen: Bools) -> "SplineRows":
-        """Return the chosen curves `rows` (r,)."""
+        """Return the chosen curves (r,)."""
         chosen_samples = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
-        return SplineRows.from_counts(
-            number, count, self.x[chosen_samples], self.Q[chosen_samples], tolerance, self.parts
-        )
+        x, Q = self.x[chosen_samples], self.Q[chosen_samples]
+        return SplineRows.from_counts(number, count, x, Q, tolerance, self.parts)
 
     @property
     def line(self) -> Floats:
-        """(k, d) points on the chords between the ends."""
+        """Points (k, d) on the chords between the ends."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """(k,) largest distance of each sample's points from points (k, d)."""
+        """Return the largest distance (k,) of each sample's points from points (k, d)."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
     def row_maxima(self, distances: Floats) -> Floats:
-        """(r,) largest of the values (k,) in each row."""
+        """Return the largest of the values (k,) in each row (r,)."""
         return np.asarray(np.maximum.reduceat(distances, self.first))
 
 
@@ -210,12 +198,12 @@ class RowSpans:
 
     @property
     def count(self) -> Ints:
-        """(r,) number of spans of each row."""
+        """Number of spans of each row (r,)."""
         return np.bincount(self.row)
 
     @property
     def knots(self) -> Floats:
-        """(s + 7 r,) knots, row after row; 0 and 1 are repeated four times."""
+        """Knots (s + 7 r,), row after row; 0 and 1 are repeated four times."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
@@ -224,12 +212,8 @@ class RowSpans:
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
         """Return the spans of unfinished rows (r,), with the bad spans (s,) halved."""
         stays = unfinished[self.row]
-        low, high, row, two = (
-            self.low[stays],
-            self.high[stays],
-            (np.cumsum(unfinished) - 1)[self.row[stays]],
-            bad[stays],
-        )
+        low, high, two = self.low[stays], self.high[stays], bad[stays]
+        row = (np.cumsum(unfinished) - 1)[self.row[stays]]
         span = (np.cumsum(stays) - 1)[self.of[unfinished[rows.row]]]
         x, middle = rows.x[unfinished[rows.row]], (low + high) / 2
         first_half, times = np.cumsum(1 + two) - (1 + two), 1 + two
@@ -240,11 +224,8 @@ class RowSpans:
 
 SAMPLES_PER_SPAN = 6
 """Smallest number of samples for each span of a curve; with fewer samples the curve oscillates between them."""
-
-
 AT_ONCE = 20_000
-"""Number of samples in one batch of curves; the arrays of a batch fit into the processor's cache."""
-
+"""Number of samples in one batch of curves, whose arrays fit into the processor's cache."""
 Fitted = tuple[Spline, float]
 """A curve, and its largest distance from its samples."""
 
@@ -253,11 +234,9 @@ def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
-
     x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. parts :
     number of points in the d coordinates; the distance of each is measured separately. The result includes the largest
-    distance, which exceeds the tolerance if the samples are too few for more spans.
-    """
+    distance, which exceeds the tolerance if the samples are too few for more spans."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))
@@ -302,7 +281,7 @@ def _parabolas(rows: SplineRows, fits: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
-    """Store cubics; halve inaccurate spans until none is left or their samples are too few."""
+    """Store cubics; inaccurate spans are halved until all are accurate or have too few samples."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
     rounds = 14  # the shortest span is 2^-14 of its curve
     for turn in range(rounds):
@@ -324,7 +303,6 @@ def _cubics(rows: SplineRows, fits: dict[int, Fitted]) -> None:
 
 
 def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
-    """Return poles (s + 3 r, d) of the best cubics with fixed ends, and the distance of each sample."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first_hats, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())

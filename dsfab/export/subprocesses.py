@@ -1,8 +1,7 @@
 """Run programs in separate processes, because OCCT and gmsh may crash or never finish.
 
-The limit is processor time where the system counts it (Linux), so that a busy machine gives the same result as an
-idle one. The limit on the clock only ends a program that waits forever.
-"""
+The limit is processor time if the system measures it (Linux), so that a busy machine gives the same result as an
+idle machine. The limit on the clock only ends a program that waits forever."""
 
 import json
 import signal
@@ -31,7 +30,7 @@ class _Work:
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Do the work unless it is done; keep an exception for `end`."""
+        """Do the work unless it is done; store an exception for `end`."""
         if not self._done:
             self._done = True
             try:
@@ -51,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Run `work` once inside this context: when the first program runs, or at the end; not after an exception."""
+    """Run `work` once inside this context: while the first program runs, or at the end; not after an exception."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -63,7 +62,6 @@ def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
     """Return the output of the Python file `program`.
-
     Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError for an exit code other than 0.
     """
     with _start(program, *arguments, stdin=None) as run:
@@ -74,17 +72,13 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """Return the last line of output of the Python file `program`; raises as `run_program`, and ProgramError
-    without output.
-    """
+    """Return the last line of output of the Python file `program`; raises as `run_program`, also without output."""
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
 class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
-
-    The program takes its arguments as one line of JSON, a list of strings. The end of the `with` block ends it.
-    """
+    The program reads its arguments as one line of JSON, a list of strings. The `with` block ends the program."""
 
     def __init__(self, program: str) -> None:
         self._run = _start(program, stdin=subprocess.PIPE)
@@ -102,7 +96,7 @@ class PreparedProgram:
     def send(self, *arguments: str) -> None:
         """Send the arguments, once; `answer` returns the output."""
         if self._run.stdin:
-            with suppress(BrokenPipeError):  # the program has ended, and its error output tells why
+            with suppress(BrokenPipeError):  # the program has ended; its error output contains the reason
                 self._run.stdin.write(json.dumps(arguments) + "\n")
                 self._run.stdin.flush()
 
@@ -111,7 +105,7 @@ class PreparedProgram:
         return _last(_answer(self._run, seconds))
 
     def answer_with_work(self, is_ready: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """Return `answer`; run `work` as soon as `is_ready()` is true, while the program goes on."""
+        """Return `answer`; run `work` as soon as `is_ready()` is true, while the program continues."""
         with ThreadPoolExecutor(1) as reading:
             pending = reading.submit(_answer, self._run, seconds)
             try:
@@ -146,9 +140,9 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
         grace = 5  # a program gets 5 s of processor time after the signal that it can handle
-        hard_limit = (
-            soft_limit + grace if system_limit == resource.RLIM_INFINITY else min(soft_limit + grace, system_limit)
-        )
+        hard_limit = soft_limit + grace
+        if system_limit != resource.RLIM_INFINITY:
+            hard_limit = min(hard_limit, system_limit)
         resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(soft_limit, hard_limit), hard_limit))
     return 10.0 * seconds  # a busy machine needs more time on the clock
 
@@ -169,5 +163,5 @@ def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
 def _last(out: str) -> str:
     lines = out.splitlines()
     if not lines:
-        raise ProgramError("it printed nothing")
+        raise ProgramError("the program printed nothing")
     return lines[-1]

@@ -1,4 +1,4 @@
-"""Write numbers as text, and write files and folders atomically: a failure leaves the old content."""
+"""Write numbers as text, and write files and folders atomically: after a failure the old content remains."""
 
 import ctypes
 import errno
@@ -20,7 +20,7 @@ from typing import Any
 from dsfab.core.errors import ExportError
 
 TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
-"""Zeros at the end of decimals; they would fill a quarter of a STEP file."""
+"""Zeros at the end of decimals; they would make up a quarter of a STEP file."""
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
@@ -28,7 +28,7 @@ def rows(template: str, *columns: Any) -> Iterator[str]:
     size = 10_000
     for start in range(0, len(columns[0]), size):
         sliced = [column[start : start + size] for column in columns]
-        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # saves memory
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # pieces save memory
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
@@ -59,20 +59,20 @@ def partial_name(suffix: str = "") -> str:
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """Return a new temporary folder of this process; remove folders of the same word that ended processes left."""
+    """Return a new temporary folder of this process; remove folders with the same prefix `word` of ended processes."""
     for path in abandoned_paths(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def is_abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Return True if a process on this machine that has ended left a file of this name."""
+    """Return True for the name of a file from a process on this machine that has ended."""
     match = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return match is not None and match[1] == _host() and not _alive(int(match[2]), int(match[3]))
 
 
 def abandoned_paths(folder: Path, word: str = PARTIAL) -> list[Path]:
-    """Return the paths that ended processes left in a folder."""
+    """Return the paths in a folder that ended processes left behind."""
     try:
         return sorted(path for path in folder.iterdir() if is_abandoned(path.name, word))
     except OSError:
@@ -90,7 +90,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder, only once per folder because it may hold thousands."""
+    """Remove files that ended processes left in a folder; once per folder, which may contain thousands of files."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -125,7 +125,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """Return the start tick of a process: 0 if the process has ended and waits for its parent, None if unknown."""
+    """Return the start tick of a process: 0 if it has ended and waits for its parent, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -137,24 +137,22 @@ _ADVICE = {
     errno.ENOSPC: "the disk is full; free some space or choose another folder",
     errno.EDQUOT: "the disk quota is used up; free some space or choose another folder",
     errno.EFBIG: "the file is too large for this disk; choose another folder",
-    errno.ENOENT: "the folder does not exist; make it first",
-    errno.ENOTDIR: "the folder does not exist, a file has its name; choose another folder",
+    errno.ENOENT: "the folder does not exist; create it first",
+    errno.ENOTDIR: "a file has the name of the folder; choose another folder",
     errno.EACCES: "there is no permission to write there; choose another folder",
     errno.EPERM: "there is no permission to write there; choose another folder",
     errno.EROFS: "the disk is read-only; choose another folder",
     errno.EISDIR: "a folder has that name; choose another name",
-    errno.ENAMETOOLONG: "the name is too long; choose a shorter one",
+    errno.ENAMETOOLONG: "the name is too long; choose a shorter name",
 }
 
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[Path]:
-    """Yield a temporary name in the folder of `path` with its suffix; its file replaces `path` at the end.
-
-    A failure or an interrupt removes the temporary file and leaves an older `path` as it was.
-    Raises ExportError in place of OSError.
-    """
-    target = Path(os.path.realpath(path))  # a link remains; its target is replaced
+    """Yield a temporary name in the folder of `path` with its suffix; at the end the temporary file replaces `path`.
+    After a failure or an interrupt the temporary file is removed and an older `path` is unchanged.
+    Raises ExportError in place of OSError."""
+    target = Path(os.path.realpath(path))  # a link stays a link; its target is replaced
     temporary = target.with_name(partial_name(target.suffix))
     remove_abandoned_files(target.parent)
     try:
@@ -164,15 +162,13 @@ def atomic_file(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise _refusal(path, error) from error
     finally:
-        with suppress(OSError):  # the file does not exist, or the system refuses
+        with suppress(OSError):  # the file does not exist, or the system forbids its removal
             temporary.unlink()
 
 
 def require_writable_file(path: Path) -> None:
     """Raise ExportError early if a file cannot be written; the trial changes no file.
-
-    For a folder that does not exist yet, the trial uses the nearest existing folder above it.
-    """
+    For a folder that does not exist yet, the trial uses the nearest existing folder above it."""
     target = Path(os.path.realpath(path))
     existing = next(folder for folder in target.parents if os.path.lexists(folder))
     try:
@@ -204,27 +200,23 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 DESIGN = "design.json"
-"""File with the manifest of a design's folder, under `MANIFEST`. It is written last, and is not in the manifest."""
+"""File with the manifest of a design's folder. dsfab writes this file last; the manifest does not list it."""
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
 
 _HERE, _EXCHANGE = -100, 2
 """AT_FDCWD and RENAME_EXCHANGE of renameat2(2)."""
-
-
 Outdated = Callable[[Path, Path], set[str]]
-"""Function of the old folder and the new folder that returns names of old files to remove."""
+"""A function from the old and the new folder to the names of old files to remove."""
 
 
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-
-    outdated : function that selects old files to remove. The default selects the files of the old manifest if there is
-               a new one.
+    outdated : selects old files to remove; by default the files in the old manifest if there is a new manifest.
     Raises ExportError if the folder cannot be written."""
-    target = Path(os.path.realpath(folder))  # a link remains, its target changes
+    target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
     try:
         complete_folder(target)
@@ -260,13 +252,13 @@ def require_writable(folder: Path) -> None:
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Return size and SHA-256 of every file of a folder, by name; the manifest itself is not included."""
+    """Return size and SHA-256 of every file of a folder, by name, without the manifest itself."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
 def complete_folder(folder: Path) -> None:
-    """Complete a move into a folder that an interrupted process began, and remove the files that this process left."""
+    """Complete a move into a folder that an interrupted process began, and remove the files of that process."""
     for partial in abandoned_paths(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -275,7 +267,7 @@ def complete_folder(folder: Path) -> None:
 
 
 def _partial_of(target: Path) -> Path:
-    """Create a temporary folder to write in: beside the target if the two can be exchanged, else inside the target."""
+    """Create a temporary folder: beside the target if the two folders can be exchanged, else inside the target."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         if not target.is_dir():
@@ -322,9 +314,7 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Return True if two folders may be exchanged: the target holds only the user's files, and is not the working
-    folder.
-    """
+    """Return True if folders may be exchanged: the target has only the user's files, and is not the working folder."""
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
     with suppress(OSError):
@@ -357,7 +347,7 @@ def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Keep files that the user saved during the exchange."""
+    """Move files back that the user saved during the exchange."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)
@@ -375,7 +365,6 @@ def _exchange(folder_a: Path, folder_b: Path) -> bool:
 
 
 def _outdated_files(target: Path, partial: Path) -> set[str]:
-    """Return unchanged files of the target's manifest that the new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
     fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)

@@ -1,4 +1,4 @@
-"""`member_graph`: the graph of a design's members, with their order and names."""
+"""Assembly of the graph of a design's members (`member_graph`), with the order and names of the members."""
 
 from collections.abc import Sequence
 from string import ascii_lowercase
@@ -18,18 +18,16 @@ from dsfab.surface import Surface
 TIE = 1e-3
 """Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if their centroids spread by more than ROUND times the first direction in a second direction.
-The nearest to the middle must also be farther than HOLLOW times the farthest."""
+"""Members form a ring if two conditions hold. Their centroids spread in a second direction by more than ROUND times the
+spread in the first. The nearest to the centre is farther from it than HOLLOW times the farthest."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
-    """Return the order (k,) for naming members with centroids (k, 3) and lengths (k,), metres, on a structure of a
-    size.
+    """Return the order (k,) of members on a structure of a size (m), from their centroids (k, 3) and lengths (k,), m.
 
-    A ring is ordered counter-clockwise from the x axis, seen from above. Other members follow the direction of their
-    largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the member
-    with the smaller x, y, z.
-    """
+    A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
+    of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
+    member with the smaller x, y, z."""
     if len(places) < 2:
         return np.arange(len(places))
     offset = places - places.mean(axis=0)
@@ -52,13 +50,13 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Unit vectors (d, 3) turned so that the largest coordinate of each is positive."""
+    """Turn unit vectors (d, 3) so that the largest coordinate of each is positive."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """(k,) ranks of values (k,), equal for neighbours without a gap between them."""
+    """Return ranks (k,) of values (k,), equal for neighbouring values without a gap between them."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -66,12 +64,12 @@ def _steps(values: Floats, gap: float) -> Ints:
 
 
 KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
-"""Kinds of members besides strips, in the order of the list."""
+"""Kinds of members besides strips, in the order of the list of members."""
 
 
 def named_components(surface: Surface, pieces: Sequence[Component]) -> list[tuple[str, int, Component]]:
     """Return names, part numbers and components, sorted by names: "A01", "A02a", "A02b", ..., "B01", "rim 1".
-    surface : its cells are those of the components."""
+    surface : the surface of the overlay, with the cells of the components."""
     listed = list[tuple[str, int, Component]]()
     for letter, same_kind in _kinds(pieces):
         groups = _groups(same_kind) if len(letter) == 1 else [[c] for c in same_kind]
@@ -129,9 +127,9 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 
 def spherical_normals(surface: Surface) -> Floats:
-    """(n, 3) unit normals at the vertices, exact on a sphere [Max 1999].
-    Each face counts by the cross product of its two edges over their squared lengths. Area-weighted normals have an
-    error of first order where edges differ in length, and members would twist by this error."""
+    """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
+    The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals have
+    an error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

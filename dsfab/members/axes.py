@@ -1,4 +1,4 @@
-"""Middle lines of stripes, smooth member axes with frame and curvatures, and the widths to both sides of them."""
+"""Middle lines of stripes, smooth axes of members with frames and curvatures, and the widths beside the axes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -15,18 +15,18 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""A line that turns in the surface by more than this within `WINDOW` widths is divided into two members."""
+"""A line that turns in the surface by more than this angle within `WINDOW` widths is divided into two members."""
 WINDOW, STEPS = 1.5, 4
-"""Widths over which turns are measured, and points along them."""
+"""Length over which turns are measured, in widths, and number of points along this length."""
 SPECK = 1.0
-"""Lines that are shorter than this many widths are dropped beside a longer line of the same stripe."""
+"""Lines shorter than this many widths are dropped if the same stripe has a longer line."""
 
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
     """A polyline on a surface.
-    points : (k, 3) metres; a closed line repeats its first point. normals : (k, 3) unit normals at the points.
-    cells : (k - 1,) cell of each segment."""
+    points  : (k, 3) points, metres; a closed line repeats its first point.
+    normals : (k, 3) unit normals of the surface at the points.    cells : (k - 1,) cell of each segment."""
 
     points: Floats
     normals: Floats
@@ -39,47 +39,41 @@ class MiddleLine:
 
     @cached_property
     def s(self) -> Floats:
-        """(k,) arc lengths of the points, metres."""
+        """Arc length (k,) at each point, metres."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
 
     @property
     def length(self) -> float:
-        """Length, metres."""
         return float(self.s[-1])
 
     @cached_property
     def closed(self) -> bool:
-        """True for a closed line."""
         return len(self.points) > 3 and bool((self.points[0] == self.points[-1]).all())
 
     def place(self, point: Floats) -> float:
-        """Return the arc length (m) of the point on the line that is nearest to a point (3,)."""
+        """Return the arc length (m) of the point of the line that is nearest to a point (3,)."""
         a, b = self.points[:-1], self.points[1:]
         t = positions_on_segments(point, a, b)
         nearest = int(np.linalg.norm(a + t[:, None] * (b - a) - point, axis=1).argmin())
         return float(self.s[nearest] + t[nearest] * (self.s[nearest + 1] - self.s[nearest]))
 
     def opened_at(self, index: int) -> "MiddleLine":
-        """Return the closed line with another of its points as begin and end."""
+        """Return the closed line with its point `index` as begin and end."""
         around = np.concatenate([np.arange(index, len(self.points)), np.arange(1, index + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -index))
 
     def section(self, first: int, last: int) -> "MiddleLine":
-        """Return the part of the line from one of its points to another."""
+        """Return the part of the line between two of its points."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
 
     def reverse(self) -> "MiddleLine":
-        """Return the line in the opposite direction."""
         return MiddleLine(self.points[::-1], self.normals[::-1], self.cells[::-1])
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the lines of each stripe, the longest first, on which an offset (m, 3) of field k at corners of cells is
-    0.
-
+    """Return the lines, the longest first, on which the offset (m, 3) of field k at cell corners is 0, for each stripe.
     normals : (n, 3) unit normals at the vertices of the overlay.
-    An offset is never exactly 0. Its signs at an edge agree in both cells, or all are opposite.
-    """
+    An offset is never exactly 0. Its signs at an edge agree in both cells, or both are opposite."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
     crossed = sign * np.roll(sign, -1, axis=1) < 0
@@ -106,7 +100,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """(c, 2) positions of zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number."""
+    """Return positions (c, 2) of zeros of offsets (c, 3) on sides (c, 2); 0 is the vertex with the lower number."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -115,14 +109,14 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the first line, the longest, and all further lines that are not too short."""
+    """Return the first line, the longest, and all lines that are not too short."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
     Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
-    dropped, because around the end of a kept support the line runs square to the rim."""
+    dropped, because around the end of a kept support the line runs at right angles to the rim."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -155,10 +149,9 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """(k,) angles (radians) by which a line turns in the surface within half a window of arc lengths x (k,)."""
-    points, normals = (
-        np.stack([np.interp(x, line.s, column) for column in y.T], axis=1) for y in (line.points, line.normals)
-    )
+    """Return angles (k,), radians, by which a line turns in the surface within half a window of arc lengths x (k,)."""
+    columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
+    points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
     around = np.concatenate([turn[-STEPS:], turn, turn[:STEPS]]) if line.closed else np.pad(turn, STEPS)
     summed = np.convolve(around, np.ones(STEPS + 1), mode="same")[STEPS:-STEPS]
@@ -168,7 +161,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3).
+    """Return angles (radians) between the steps (k - 1, 3) of a line, in the planes across its normals (k, 3).
     The result is (k - 2,) at the inner points, or (k - 1,) for a closed line."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
@@ -177,7 +170,6 @@ def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:
-    """The inner point in a range of arc lengths before and after which the line turns equally."""
     inner = np.flatnonzero((line.s[1:-1] >= begin) & (line.s[1:-1] <= end)) + 1
     if len(inner) < 2:
         return int(np.clip(np.searchsorted(line.s, (begin + end) / 2), 1, len(line.points) - 2))
@@ -201,7 +193,7 @@ KNOTS, COARSE = 4.0, 2.0
 
 @dataclass(frozen=True, eq=False)
 class MemberAxis:
-    """Stations along a curve on a surface; all lengths in metres, all curvatures per metre.
+    """Stations along a curve on a surface; lengths in metres, curvatures per metre. Index k counts the stations.
 
     s : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
@@ -228,16 +220,15 @@ class MemberAxis:
 
     @property
     def length(self) -> float:
-        """Length, metres."""
         return float(self.s[-1])
 
     @cached_property
     def B(self) -> Floats:  # noqa: N802 - its name in the field
-        """(k, 3) unit vectors to the left in the surface, N x T."""
+        """Unit vectors (k, 3) to the left in the surface, N x T."""
         return read_only_copy(np.cross(self.N, self.T), np.float64, (None, 3))
 
     def frames_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return points, tangents and normals (q, 3) each at arc lengths (q,), interpolated between the stations."""
+        """Return points, tangents and normals (q, 3) at arc lengths (q,), interpolated between the stations."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
         return P, unit_vectors(T), unit_vectors(N)
 
@@ -249,7 +240,7 @@ class MemberAxis:
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
     """Fit an axis to the middle line of a member of a width (m), on a mesh with a mean edge (m)."""
     step = max(KNOTS * width, COARSE * edge)
-    # on fine meshes the tolerance shrinks with edge^2, because the error of the mesh does too
+    # on fine meshes the tolerance shrinks with edge^2, as does the error of the mesh
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)
     while axis.strayed > tolerance and step >= 2 * edge:
         step /= 2
@@ -280,8 +271,8 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
-    """Penalised spline through values y (q, d) at x (q,), 0 to spans x step, with knots a step apart."""
-    degree, penalty = 3, 1e-3  # the penalty weighs third differences
+    """Return a penalised spline through values y (q, d) at x (q,), from 0 to spans x step, with knots a step apart."""
+    degree, penalty = 3, 1e-3  # the penalty is the weight of third differences
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]
@@ -295,7 +286,7 @@ def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpl
 
 
 def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """(k, 2) distances (m) from the stations of an axis to the outline of cells (c,), to the left and to the right."""
+    """Return distances (k, 2), m, from the stations of an axis to the outline of cells (c,), left and right."""
     a, b = _outline(surface, cells)
     middle, direction = (a + b) / 2, b - a
     station = np.asarray(cKDTree(axis.P).query(middle)[1])
@@ -303,7 +294,7 @@ def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     is_left = np.einsum("ei,ei->e", middle - axis.P[station], axis.B[station]) >= 0
     widths = np.zeros((len(axis.s), 2))
     for column, side in enumerate((is_left, ~is_left)):
-        rows = np.flatnonzero(side & (cosine > 0.5))  # other edges end the member
+        rows = np.flatnonzero(side & (cosine > 0.5))  # edges across the axis are ends of the member
         if len(rows):
             offset = np.concatenate([a[rows], b[rows]]) - np.tile(axis.P[station[rows]], (2, 1))
             T, B = (np.tile(x[station[rows]], (2, 1)) for x in (axis.T, axis.B))

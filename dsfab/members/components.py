@@ -1,4 +1,4 @@
-"""Components of a sheet that become members: bands of the pattern, their cells and middle lines, and regions."""
+"""Components of a sheet that become members: bands of the pattern, with cells and middle lines, and kept regions."""
 
 from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
@@ -14,11 +14,11 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_field_values, strip
 from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""Kinds of members, see `dsfab.members.graph.Member`; kept material is a "keep" before its shape is known."""
+"""Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}
-"""Letters of the families of stripes."""
+"""First letter of the names of members, for each family of stripes."""
 NOWHERE = 10.0
-"""Offset in a region without a middle line: larger than any real offset."""
+"""Offset in a region without a middle line, larger than any real offset."""
 
 
 class NamedBand(NamedTuple):
@@ -30,7 +30,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """Return a band for each field by which the sheet was cut from `surface`, in their order."""
+    """Return a band for each field that cut the sheet from `surface`, in the order of the fields."""
     bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -44,7 +44,6 @@ def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> lis
 
 
 def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
-    """The stripes of a family between integer values of a phase, with the width of the pattern."""
     name, field, levels = pattern.names[k], pattern.fields[k], pattern.levels[k]
     if isinstance(field, CornerField):
         return DrawnBand(name, field, levels)
@@ -52,7 +51,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if field.ndim == 2:
         return DrawnBand(name, sheet.carry(field), levels)
     which, d = list(FAMILIES).index(name), pattern.half_widths[k]
-    if (d >= 0.5).all():  # if stripes touch, the sheet has no members
+    if (d >= 0.5).all():  # stripes that touch form no members
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
     whole_numbers = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
@@ -60,7 +59,7 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """The band of kept material from values at the vertices, and its shape.
+    """Return the band of kept material from values at the vertices, and its shape.
     The shape is "reach" around a place (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
@@ -74,21 +73,20 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
 
 
 DISC = 0.4
-"""Kept material with more than this share of the area of a circle of equal outline is a disc."""
+"""Kept material is a disc if its area exceeds this share of a circle's with the same outline."""
 HIDDEN, COVERED = 0.05, 0.3
-"""A strip (HIDDEN) or kept material (COVERED) is not a member if it is on top in less than this share of its cells."""
+"""Least share of the cells in which a strip (HIDDEN) or kept material (COVERED) is on top, so that it is a member."""
 
 
 @dataclass(frozen=True, eq=False)
 class Component:
     """The cells of a member before it has a name.
 
-    kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : of the pattern, or "".
-    stripe : number of its stripe for most of its cells; 0 without a stripe.
-    cells  : (c,) of the overlay, ascending.    core : (c,) cells that define its width, without fillets.
-    line   : along its middle, or None.         field : of the pattern; -1 for none.
-    group  : connected stripe that it is a part of, a number of the overlay; -1 for none.
-    """
+    kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : family of the pattern, or "".
+    stripe : number of the stripe of most of its cells; 0 without a stripe.
+    cells  : (c,) cells of the overlay, ascending.    core : (c,) True for cells that define its width, without fillets.
+    line   : middle line, or None.    field : number of the pattern's field; -1 for none.
+    group  : number of the connected stripe, in the overlay, that it is a part of; -1 for none."""
 
     kind: str
     family: str
@@ -100,12 +98,12 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from areas (m,) of all cells; without a line the side of an equal square."""
+        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of its area."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def with_cells(self, extra_cells: Ints, core: bool) -> "Component":
-        """Return the component with extra cells (k,)."""
+        """Return the component with extra cells (k,); `core` : True if these define its width, too."""
         cells = np.concatenate([self.cells, extra_cells])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(extra_cells), core)])
@@ -113,9 +111,9 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes; a cell at a crossing is in several components, a cell of a sliver may be
+    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be
     in none.
-    normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres."""
+    normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
     for k, band in enumerate(bands):
@@ -125,15 +123,14 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
             if band.drawn.centre < NOWHERE and _is_sliver(overlay, k, cells, lines.get(stripe, [])):
                 continue
             kind = _kind(band.kind, round_[stripe], lines.get(stripe, []))
-            component = Component(
-                kind, band.family, int(overlay.level[stripe]), cells, np.ones(len(cells), bool), None, k, stripe
-            )
+            level, core = int(overlay.level[stripe]), np.ones(len(cells), bool)
+            component = Component(kind, band.family, level, cells, core, None, k, stripe)
             pieces += _parts(overlay, component, lines.get(stripe, []), edge)
     return _visible(overlay, pieces)
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """The middle lines of the stripes of a field.
+    """Return the middle lines of the stripes of a field.
     If the middle is outside of the sheet, as for half a stripe along its edge, the line runs at the mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
@@ -153,8 +150,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Detect connected cells (c,) beside the middle of their band that are shorter than the band's width.
-    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
+    """Return True for connected cells (c,) beside the middle of their band that are shorter than the band's width.
+    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; their axis is
     meaningless."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
@@ -173,7 +170,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 
 def roundness(overlay: Overlay) -> Floats:
-    """(k,) 4 pi area / outline^2 of each stripe: 1 for a disc."""
+    """Return 4 pi area / outline^2 of each stripe (k,): 1 for a disc."""
     surface, result = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
     f, g = overlay.adjacent_cells.T
@@ -212,7 +209,7 @@ def _parts(overlay: Overlay, component: Component, lines: list[MiddleLine], edge
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """(c,) number of the line that is nearest to each of connected cells (c,), along paths from cell to cell."""
+    """Return the number of the line that is nearest to each of connected cells (c,), along paths from cell to cell."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -244,8 +241,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, divided along hidden edges too. label : (m,) equal for cells of the same stripes.
-    loose : (m,) cells outside of all stripes."""
+    sheet : m cells, also divided along hidden edges.    label : (m,) equal for cells of the same stripes.
+    loose : (m,) True for cells outside of all stripes."""
 
     sheet: Sheet
     label: Ints
@@ -254,7 +251,7 @@ class CellsByStripes(NamedTuple):
 
 def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> CellsByStripes:
     """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
-    A disc around a point is one region, because stripes that end below it would cut it to pieces."""
+    A disc around a point is one region, because the ends of stripes below it would divide it."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = stripe_overlay(sheet, surface, [band.drawn for band in bands])
     part, round_ = overlay.part.copy(), roundness(overlay)
@@ -267,8 +264,8 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
-    """Give connected loose cells the label of their neighbours, if the neighbours have a single label.
-    Fairing of walls leaves such cells."""
+    """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
+    Such loose cells are left by the fairing of walls."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

@@ -1,4 +1,4 @@
-"""`MemberGraph`: members by name and the nodes at which they cross, meet or end."""
+"""`MemberGraph`: members by name, and the nodes at which members cross, meet or end."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,15 +15,14 @@ from dsfab.surface import Surface, link_components, require_compas
 if TYPE_CHECKING:
     import compas.datastructures
 
-
 EXACT = 2.0**-30
-"""Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end.
+"""Smaller offsets (periods or metres) count as this value, with the sign at the edge's first end.
 Then a crossing on an edge is in exactly one of its two cells."""
 
 
 class SharedPatch(NamedTuple):
-    """Connected cells (c,) that members a, b share.
-    points : (k, 3) at which the members' middle lines cross in these cells, metres, and (k,) the cell of each."""
+    """Connected cells (c,) that members a and b share.
+    points : (k, 3) crossings of the middle lines in these cells, metres.    at : (k,) the cell of each crossing."""
 
     a: int
     b: int
@@ -34,7 +33,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) that fields `one` and `two` share, the members a, b (c,) of each cell, and its patch (c,)."""
+    """Cells (c,) that fields `one` and `two` share, the members a and b of each cell (c,), and its patch (c,)."""
 
     one: int
     two: int
@@ -60,7 +59,7 @@ class _SharedCells:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Return every patch of cells that two members share. member : (m, f) of each cell for each field, or -1."""
+    """Return every patch of cells that two members share. member : (m, f) member of each cell for each field, or -1."""
     patches = []
     count = member.shape[1]
     for k in range(count):
@@ -80,16 +79,13 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
         in_patch = patch == number
         cell_row = group[0]
         cells = shared.cells[group]
-        patches.append(
-            SharedPatch(
-                int(shared.a[cell_row]), int(shared.b[cell_row]), cells, points[in_patch], shared.cells[row[in_patch]]
-            )
-        )
+        a, b = int(shared.a[cell_row]), int(shared.b[cell_row])
+        patches.append(SharedPatch(a, b, cells, points[in_patch], shared.cells[row[in_patch]]))
     return patches
 
 
 def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
-    """The shared cells in which both middle lines cross (q,), and the points (q, 3)."""
+    """Return rows (q,) of the shared cells in which both middle lines cross, and the points (q, 3) of the crossings."""
     surface, cells = overlay.sheet.surface, shared.cells
     offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
@@ -108,7 +104,8 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), the lower vertex number first, and shares (q, 2).
+    """Return the ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), lower vertex number first, and
+    shares (q, 2).
     At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
@@ -129,14 +126,13 @@ class Member:
              one stripe that turns back or branches.
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              kept places; plate and fill without an axis.
-    family : of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
+    family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
     stripe : number in the phase of the family, for most of its cells.    part : 1, 2, ... of one stripe.
-    cells  : (c,) of the graph's sheet, including cells below other members.
-    area   : of these cells, square metres.
+    cells  : (c,) cells of the graph's sheet, including cells below other members.
+    area   : area of these cells, square metres.
     axis   : along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
-    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed.
-    """
+    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed."""
 
     id: str
     kind: Kind
@@ -160,7 +156,7 @@ class Member:
 
     @property
     def width(self) -> Floats:
-        """(k,) widths at the stations of its axis, metres."""
+        """Widths (k,) at the stations of its axis, metres."""
         return np.asarray(self.sides.sum(axis=1))
 
     @property
@@ -173,11 +169,11 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing, both continue; branch, one ends; end, both end; grazing, they share material but their middles
-              do not meet.
-    members : their names.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
-    angle   : between them, degrees, 0 to 90; NaN if a member has no axis.
-    point   : (3,) metres, and normal : (3,) of the surface there.    area : of the overlap, square metres.
+    kind    : crossing, both continue; branch, one ends; end, both end; grazing, they share material but their middle
+              lines do not meet.
+    members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
+    angle   : angle between the members, degrees, 0 to 90; NaN if a member has no axis.
+    point   : (3,) metres, and normal : (3,) of the surface at the point.    area : area of the overlap, square metres.
     """
 
     id: str
@@ -197,8 +193,7 @@ class Node:
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
     """Members and nodes of a design.
-    sheet : the kept sheet, its cells divided along the edges of hidden members too. Every cell is in at least one
-            member.
+    sheet  : the kept sheet, its cells also divided along edges of hidden members. Each cell is in at least one member.
     source : (m,) cell of the design's sheet that contains each cell."""
 
     sheet: Sheet
@@ -211,7 +206,6 @@ class MemberGraph:
 
     @cached_property
     def by_id(self) -> dict[str, Member]:
-        """Members by name."""
         return {member.id: member for member in self.members}
 
     @cached_property
@@ -226,7 +220,7 @@ class MemberGraph:
 
     @cached_property
     def owner(self) -> Ints:
-        """(m,) number of the member that counts each cell: the widest of its members, then the first.
+        """Number of the member (m,) to which the area of each cell belongs: the widest of its members, then the first.
         So the areas of all members add up to that of the sheet."""
         numbers = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
@@ -234,7 +228,7 @@ class MemberGraph:
         return numbers
 
     def bays(self, name: str) -> Floats:
-        """Return arc lengths (b,) from node to node along a member (m); a closed member ends at its first node."""
+        """Return arc lengths (b,), m, from node to node along a member; a closed member ends at its first node."""
         axis, nodes = self.by_id[name].axis, self.nodes_along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -242,9 +236,7 @@ class MemberGraph:
         return np.diff(s, append=s[0] + axis.length) if axis.closed else np.diff(s)
 
     def to_compas(self) -> "compas.datastructures.Graph":
-        """Return nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the
-        axis.
-
+        """Return nodes with x, y, z (m), and an edge for each bay with its `member` and its `length` along the axis.
         Raises SurfaceError if compas is not installed."""
         return _compas_graph(self)
 
@@ -255,15 +247,15 @@ class MemberGraph:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on stubs and grazing members, to read before building."""
+        """Sentences on stubs and grazing members, for the reader who plans to build."""
         lines = []
         stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
             lines.append(
-                f"{len(stubs)} stubs, under twice as long as they are wide, hold {self.stub_share:.1%} of the sheet"
+                f"{len(stubs)} stubs, under twice as long as they are wide, make up {self.stub_share:.1%} of the sheet"
             )
         if grazing:
-            lines.append(f"{len(grazing)} overlaps are no nodes: members graze there, and their middles do not meet")
+            lines.append(f"{len(grazing)} overlaps are no nodes: their members graze, and the middle lines do not meet")
         return tuple(lines)
 
     def _of_kind(self, kind: Kind) -> list[Member]:
@@ -283,18 +275,15 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
         nodes = graph.nodes_along[member.id]
         after = (*nodes[1:], nodes[0]) if nodes and member.axis and member.axis.closed else nodes[1:]
         for bay, (node_a, node_b) in zip(graph.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
-            shortest = (
-                result.edge_attribute((node_a.id, node_b.id), "length")
-                if result.has_edge((node_a.id, node_b.id))
-                else None
-            )
+            pair = node_a.id, node_b.id
+            shortest = result.edge_attribute(pair, "length") if result.has_edge(pair) else None
             if node_a.id != node_b.id and (shortest is None or bay < shortest):
                 result.add_edge(node_a.id, node_b.id, attr_dict={"member": member.id, "length": bay})
     return result
 
 
 ENDS = 1.0
-"""A member ends at a node if its length beyond the node is less than this share of the crossing member's width."""
+"""A member ends at a node if its length beyond the node is below this share of the crossing member's width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,22 +304,14 @@ class Joints:
             area = float(self.overlay.sheet.surface.areas[overlap.cells].sum()) / max(len(points), 1)
             if not len(points):
                 listed.append((pair, self._grazing(pair, overlap.cells, area)))
-            listed += [
-                (pair, self._meeting(pair, *crossing, area)) for crossing in zip(points, cells.tolist(), strict=True)
-            ]
-        listed.sort(
-            key=lambda crossing: (
-                crossing[0][0],
-                np.nan_to_num(crossing[1].at[0]),
-                crossing[0][1],
-                crossing[1].point.tolist(),
-            )
-        )
+            crossings = zip(points, cells.tolist(), strict=True)
+            listed += [(pair, self._meeting(pair, *crossing, area)) for crossing in crossings]
+        listed.sort(key=lambda row: (row[0][0], np.nan_to_num(row[1].at[0]), row[0][1], row[1].point.tolist()))
         digits = len(str(max(len(listed), 100)))
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Ends (k, 3) of lines inside of the material shared with another member, and the cell (k,) of each end.
+        """Return ends (k, 3) of lines inside the material shared with another member, and the cell (k,) of each end.
         At such an end the members meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
@@ -348,14 +329,11 @@ class Joints:
     def _meeting(self, pair: tuple[int, int], point: Floats, cell: int, area: float) -> Node:
         member_a, member_b = (self.members[k] for k in pair)
         places = self._station(pair[0], point), self._station(pair[1], point)
-        (T, w), (tangent, width) = (
-            tangent_and_width(*place) for place in zip((member_a, member_b), places, strict=True)
-        )
+        (T, w), (tangent, width) = tangent_and_width(member_a, places[0]), tangent_and_width(member_b, places[1])
         ends = (_length_beyond(member_a, places[0]) < ENDS * width) + (_length_beyond(member_b, places[1]) < ENDS * w)
         kinds: tuple[NodeKind, ...] = ("crossing", "branch", "end")
-        return Node(
-            "", kinds[ends], (member_a.id, member_b.id), places, _angle(T, tangent), point, self._normal(cell), area
-        )
+        names, angle = (member_a.id, member_b.id), _angle(T, tangent)
+        return Node("", kinds[ends], names, places, angle, point, self._normal(cell), area)
 
     def _grazing(self, pair: tuple[int, int], cells: Ints, area: float) -> Node:
         surface = self.overlay.sheet.surface
@@ -365,10 +343,7 @@ class Joints:
         lengths = self._station(pair[0], places[middle]), self._station(pair[1], places[middle])
         angle = float("nan")
         if member_a.axis and member_b.axis:
-            (T, _), (tangent, _) = (
-                tangent_and_width(*place) for place in zip((member_a, member_b), lengths, strict=True)
-            )
-            angle = _angle(T, tangent)
+            angle = _angle(*(tangent_and_width(*place)[0] for place in zip((member_a, member_b), lengths, strict=True)))
         normal = self._normal(int(cells[middle]))
         return Node("", "grazing", (member_a.id, member_b.id), lengths, angle, places[middle], normal, area)
 
@@ -378,7 +353,7 @@ class Joints:
 
 
 def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
-    """Return the unit tangent (3,) of a member's axis at an arc length, and its width there, metres."""
+    """Return the unit tangent (3,) of a member's axis at an arc length, and the width there, metres."""
     assert member.axis is not None
     return member.axis.frames_at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
 
@@ -392,9 +367,9 @@ def _angle(a: Floats, b: Floats) -> float:
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
-    """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that the end
-    runs into, "edge" of the surface, or "free".
-    owner : (m, f) member of each cell for each field, -1 for none.    surface : before it was cut."""
+    """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that continues
+    the end, "edge" of the surface, or "free".
+    owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
     nodes_on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}

@@ -1,4 +1,4 @@
-"""Assignment of cells outside all stripes to members, and removal of stripes that follow a rim or kept band."""
+"""Assignment of cells outside all stripes to members, and removal of stripes along a rim or kept band."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -13,7 +13,7 @@ from dsfab.surface import link_components
 
 
 def owners(overlay: Overlay, components: list[Component]) -> Ints:
-    """(m, f) component of each cell for each field, -1 for none; components without a field have no column."""
+    """Return the component of each cell for each field (m, f), -1 for none."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, component in enumerate(components):
         if component.field >= 0:
@@ -22,7 +22,7 @@ def owners(overlay: Overlay, components: list[Component]) -> Ints:
 
 
 def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components extended by all loose cells, so that together they have every cell."""
+    """Return the components extended by all loose cells, so that every cell is in a component."""
     surface, member = overlay.sheet.surface, owners(overlay, components)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -45,16 +45,15 @@ def with_loose_cells(overlay: Overlay, components: list[Component]) -> list[Comp
         j = int(neighbours[shared.argmax()]) if len(neighbours) else -1
         broad = len(neighbours) > 1 and 4 * area[number] / around[number] > 0.5 * components[j].width(surface.areas)
         if broad or not len(neighbours):
-            result.append(
-                Component("fill" if broad else "plate", "", 0, patch_cells, np.ones(len(patch_cells), dtype=bool))
-            )
+            core = np.ones(len(patch_cells), dtype=bool)
+            result.append(Component("fill" if broad else "plate", "", 0, patch_cells, core))
         else:
             components[j] = components[j].with_cells(patch_cells, core=len(neighbours) == 1)
     return components + result
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """(b, 2) pairs of patch and adjacent component (m, f), ascending, and (b,) shared lengths (m)."""
+    """Return pairs (b, 2) of patch and adjacent component, ascending, and their shared lengths (b,), m."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.adjacent_cells, overlay.adjacent_cells[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -68,7 +67,6 @@ def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]
 
 
 def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
-    """(count,) areas of patches (m,), and (count,) lengths of their outlines."""
     surface = overlay.sheet.surface
     inside = patch >= 0
     area = np.bincount(patch[inside], surface.areas[inside], count).astype(np.float64)
@@ -81,13 +79,13 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows kept material if it runs inside over more than FOLLOWS widths of the material.
-A crossing at 20 degrees takes 2.9. A line that follows ends INTO widths after its entry, beyond the middle, so that
-both meet."""
+"""A line follows kept material if its length inside exceeds FOLLOWS widths of the material.
+A crossing at 20 degrees has a length of 2.9 widths. A line that follows ends INTO widths after its entry, beyond the
+middle of the material, so that both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components; where a strip runs along another component, that component takes over the cells."""
+    """Return the components; where a strip runs along another component, the cells change to that component."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -107,14 +105,15 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
             taker = int(np.bincount(hiding[hiding >= 0]).argmax())
             gained.setdefault(taker, []).append(cells[made_by[cells] == c.field])
     for taker, groups in gained.items():
-        place, taken = (result.index(components[taker]), np.setdiff1d(np.concatenate(groups), components[taker].cells))
+        place, taken = result.index(components[taker]), np.setdiff1d(np.concatenate(groups), components[taker].cells)
         result[place] = components[taker].with_cells(taken, core=True)
     return result
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """A line, opened where it is free if closed, and the first and last points of its parts inside of kept material.
-    width : (k - 1,) width of the material that hides each segment, metres, or 0. own_width : of the line's member."""
+    """Return a line, with free ends if it was closed, and the first and last points of its parts inside kept material.
+    width : (k - 1,) width (m) of the material that hides each segment, or 0.    own_width : width of the line's member.
+    """
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []
@@ -125,15 +124,12 @@ def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[Mi
             gone.append((int(into[0]) if first else 0, int(into[1]) if last < last_point else last_point))
     if line.closed and gone:
         cut = gone[0][1]
-        line, gone = (
-            line.opened_at(cut),
-            [((a - cut) % last_point, (b - cut) % last_point or last_point) for a, b in gone],
-        )
+        line = line.opened_at(cut)
+        gone = [((a - cut) % last_point, (b - cut) % last_point or last_point) for a, b in gone]
     return line, sorted(gone)
 
 
 def _hidden_stretches(line: MiddleLine, width: Floats, own_width: float) -> list[tuple[int, int]]:
-    """First and last points of the hidden stretches of a line; gaps shorter than the line's width are closed."""
     edge = np.diff(np.concatenate([[False], width > 0, [False]]).astype(int))
     stretches = list[tuple[int, int]]()
     for first, last in zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True):
@@ -147,7 +143,6 @@ def _hidden_stretches(line: MiddleLine, width: Floats, own_width: float) -> list
 def _split_strip(
     overlay: Overlay, strip: Component, line: MiddleLine, gone: list[tuple[int, int]]
 ) -> tuple[list[Component], list[tuple[Ints, tuple[int, int]]]]:
-    """The remaining parts of a strip, and the cells of the removed parts with their first and last points."""
     if not gone:
         return [strip], []
     points = sorted({0, len(line.points) - 1, *(point for pair in gone for point in pair)})

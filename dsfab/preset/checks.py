@@ -40,7 +40,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
         return _unknown_kind(key, detail)
-    if kind == "value_error":  # keys that exclude each other
+    if kind == "value_error":  # for example, two keys exclude each other
         return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":
@@ -102,19 +102,15 @@ def _by_stated_tag(union: Any) -> dict[str, Any]:
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Return True if the pattern follows a sum of stress magnitudes, and not one single case or combination."""
+    """Return True if the pattern follows a sum of stress magnitudes, not the stress of one case or combination."""
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the names of the stresses that the pattern follows, with their weights: a single name, or all combined
-    names.
-
-    The pattern combines the combinations, or the cases of a preset without combinations. The default weight is 1;
-    names with weight 0 are left out.
-    """
+    """Return the weight of each case or combination whose stress the pattern follows, by its name.
+    The default weight is 1; the result omits names with weight 0. See `combined_names` for a sum."""
     cases = case_names(loads)
     if not combines(loads, follow):
         return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
@@ -122,16 +118,15 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names that a combined pattern follows: the combinations, or the cases if there are no combinations.
-    Combinations for displacements alone (SLS) are left out, unless all are of this kind."""
+    """Return the names whose stresses a combined pattern adds.
+    All combinations except those for displacements (SLS); SLS combinations if the preset has no others; else the cases.
+    """
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return cases and combinations for a limit state: its own combinations, else those without any limit state,
-    else all.
-    """
+    """Return the cases and combinations to check in a limit state: its own, else those without any state, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):
@@ -143,7 +138,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Yield every mistake in the names of cases, as 'key = value: allowed values'."""
+    """Yield every mistake in the names of cases, as 'key = value: reason and allowed values'."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
@@ -159,9 +154,9 @@ def case_mistakes(
         elif weight < 0:
             yield f"diffusion.weights.{name} = {weight:g}: a weight must be 0 or more"
     if weights and not combines(loads, follow):
-        yield f"diffusion.weights: they count only with diffusion.follow = '{COMBINED}'; set it or leave weights out"
+        yield f"diffusion.weights: only diffusion.follow = '{COMBINED}' uses weights; set it, or remove the weights"
     elif allowed and not any(weights.get(name, 1.0) for name in allowed):
-        yield f"diffusion.weights: all are 0, so there is nothing to follow; give one of {', '.join(allowed)} a weight"
+        yield f"diffusion.weights: all weights are 0; give one of {', '.join(allowed)} a larger weight"
 
 
 def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combination]) -> Iterator[str]:
@@ -177,10 +172,10 @@ def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combinati
             if case not in cases:
                 yield f"{key}.factors.{case} = {factor:g}: {_no_such('case', case, cases)}"
         if not any(combination.factors.values()):
-            yield f"{key}.factors: all are 0 or missing; give a factor to one of {', '.join(cases)}"
+            yield f"{key}.factors: all factors are 0 or missing; give a factor to one of {', '.join(cases)}"
 
 
-_RESERVED = "this name stands for all cases at once in diffusion.follow; choose another"
+_RESERVED = "diffusion.follow uses this name for the sum of all cases; choose another name"
 
 
 def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
@@ -189,24 +184,22 @@ def _no_such(what: str, name: str, existing: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Least modulus of a sheet (Pa), and least density (kg/m3) and strength (Pa) of a solid."""
+"""Least modulus of a sheet (Pa), least density (kg/m3) and least strength (Pa) of a solid material."""
 
 
 def with_material(values: Any) -> Any:
-    """Return the table [statics] with values of its material for missing keys; tables with unknown materials stay
-    unchanged.
-    """
+    """Fill missing keys of the table [statics] with values of its material; an unknown material changes nothing."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # the field's own check reports it with the other mistakes
+    except PresetError:  # `known_name` reports the unknown material together with all mistakes of the preset
         return values
 
 
 def known_name(name: str | None) -> str | None:
-    """Return a material's name in the spelling of the list of materials; raises ValueError for an unknown name."""
+    """Return a material's name as the list of materials spells it; raises ValueError for an unknown name."""
     try:
         return None if name is None else material_named(name).name
     except PresetError as error:
@@ -228,27 +221,27 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
 
 
 def modulus(value: float) -> float:
-    """Return the modulus, Pa; raises ValueError for a value so small that the user must have meant GPa or MPa."""
+    """Return the modulus (Pa); raises ValueError for a value so small that the user must have meant GPa or MPa."""
     if 0 < value < 1000:
-        raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e9 for {value:g} GPa")
+        raise ValueError(f"{value:g} Pa is too small for a stiffness; write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
-        raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e6 for {value:g} MPa")
+        raise ValueError(f"{value:g} Pa is too small for a stiffness; write {value:g}e6 for {value:g} MPa")
     return value
 
 
 def specific_mass(value: float) -> float:
-    """Return the density, kg/m3; raises ValueError if the user must have meant t/m3 or g/cm3. 0 means no weight."""
+    """Return the density (kg/m3), 0 for no weight; raises ValueError if the user must have meant t/m3 or g/cm3."""
     if 0 < value < LIGHTEST:
-        raise ValueError(f"{value:g} kg/m3 is no solid: write {1000 * value:g} for {value:g} t/m3 or g/cm3")
+        raise ValueError(
+            f"{value:g} kg/m3 is too little for a solid; write {1000 * value:g} for {value:g} t/m3 or g/cm3"
+        )
     return value
 
 
 def resistance(value: float) -> float:
-    """Return the strength, Pa; raises ValueError for a value that the user must have meant in MPa. 0 means no
-    comparison.
-    """
+    """Return the strength (Pa), 0 for no comparison; raises ValueError if the user must have meant MPa."""
     if 0 < value < WEAKEST:
-        raise ValueError(f"{value:g} Pa is no strength: pascals are asked, write {value:g}e6 for {value:g} MPa")
+        raise ValueError(f"{value:g} Pa is too small for a strength; write {value:g}e6 for {value:g} MPa")
     return value
 
 

@@ -1,4 +1,4 @@
-"""Presets as TOML files: dsfab finds, reads, overrides and writes them, and explains each mistake in one sentence."""
+"""Presets as TOML files: dsfab finds, reads, overrides and writes them, and reports each mistake in one sentence."""
 
 import re
 from collections.abc import Mapping
@@ -23,12 +23,10 @@ _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\
 def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
-    """Return a preset by the name of a shipped one ("dome"), or by the path of a TOML file or of a built folder.
-
-    overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
-    mesh      : a mesh file in place of the preset's surface; supports and loads stay.
-    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
-    """
+    """Return a preset: a shipped one by its name ("dome"), or one in a TOML file or in a folder that `build` wrote.
+    overrides : dotted keys and values that replace values of the file, e.g. {"pattern.major.frequency": 12}.
+    mesh      : a mesh file that replaces the preset's surface; the supports and loads of the preset stay.
+    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values."""
     path = _find(name_or_path)
     values = read_toml(path)
     values.setdefault("name", path.stem)
@@ -49,9 +47,7 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """Return `preset` with new values at dotted keys; raises PresetError for the mistakes that `load_preset`
-    reports, and if `preset` is not a preset.
-    """
+    """Return `preset` with new values at dotted keys; raises PresetError as `load_preset`, and for another type."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
     touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
@@ -70,8 +66,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """Parse 'pattern.major.frequency=12' to (key, 12); values are TOML, and a bare word is text.
-    Raises PresetError for text without '='."""
+    """Convert 'pattern.major.frequency=12' to (key, 12); TOML or text. Raises PresetError without '='."""
     key, equals, value = text.partition("=")
     if not equals or not key.strip():
         raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
@@ -82,22 +77,17 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raise PresetError for a shipped preset that needs a mesh of the user's. The message names the command's
-    options.
-    """
+    """Raise PresetError for a shipped preset that needs the user's mesh; the message names options of the command."""
     if isinstance(surface := preset.surface, FileSurface) and surface.waits:
         raise PresetError(
-            f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
+            f"preset {preset.name} needs your mesh: add --mesh FILE, and --unit mm if the file is in millimetres"
         )
 
 
 def preset_toml(preset: Preset, for_people: bool = False) -> str:
     """Return the complete preset, defaults included, as TOML that builds the same design again.
-
-    A material appears as its name, with only those values that differ from the material's.
-
-    for_people : whether the size of a mesh from Python replaces its numbers.
-    """
+    A material appears as its name, together with the values that differ from those of the material.
+    for_people : True to write the size of a mesh from Python in place of its numbers."""
     values = preset.model_dump(mode="json", exclude_none=True)
     if for_people and isinstance(mesh_section := preset.surface, MeshSurface):
         values["surface"]["mesh"] = f"given in Python: {mesh_section.mesh.n} vertices, {mesh_section.mesh.m} triangles"
@@ -107,7 +97,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # the shape comes before its supports and loads
+    # the shape precedes its supports and loads in the file
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
@@ -140,20 +130,16 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old_surface = values.get("surface", {})
-    keys = (
-        (*OwnSurface.model_fields, "unit") if "file" in old_surface else (*SurfaceSection.model_fields, "unit")
-    )  # a procedural shape has no key `edge`
-    new_surface = {key: old_surface[key] for key in keys if key in old_surface}
+    section = OwnSurface if "file" in old_surface else SurfaceSection  # a procedural shape has no key `edge`
+    new_surface = {key: old_surface[key] for key in (*section.model_fields, "unit") if key in old_surface}
     values["surface"] = {**new_surface, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. Of two exclusive keys the new one removes the old one; a new material removes the old one's
-    values.
-    """
+    """Set dotted keys, and remove old values that new keys exclude: exclusive keys, or keys of an old material."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
-        _override(values, key, deepcopy(value))  # a later key may reach into this value
+        _override(values, key, deepcopy(value))  # because a later key may change a part of this value
     for family in ("pattern.major", "pattern.minor"):
         for key, excluded in (("frequency", "spacing"), ("spacing", "frequency")):
             if changes.get(f"{family}.{key}") and f"{family}.{excluded}" not in changes:
@@ -178,10 +164,10 @@ def _child(where: Any, part: str, key: str) -> Any:
         return where[_index(where, part, key)]
     if isinstance(where, dict):
         return where.setdefault(part, {})
-    raise PresetError(f"--set {key}: nothing lies below {part!r}; check the key")
+    raise PresetError(f"--set {key}: the key before {part!r} is a value, not a section; check the key")
 
 
 def _index(where: list[Any], part: str, key: str) -> int:
     if not (part.isdigit() and int(part) < len(where)):
-        raise PresetError(f"--set {key}: {part!r} must be a number from 0 to {len(where) - 1}, the entry of that list")
+        raise PresetError(f"--set {key}: {part!r} must be the number of an entry in the list, 0 to {len(where) - 1}")
     return int(part)

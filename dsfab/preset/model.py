@@ -1,8 +1,7 @@
 """Presets: all choices of a design, one section per stage.
 
 The models below define keys, units, defaults and allowed ranges. `dsfab.preset.file` reads them from TOML, overrides
-values and writes them back.
-"""
+values and writes them back."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
@@ -55,37 +54,37 @@ class Statics(Section):
     thickness: Annotated[float, Gt(0)]
     """Metres; also the thickness of the finished solid."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
-    """S235, GL24h, ... (see `dsfab materials`): default values of young, poisson, density and strength."""
+    """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
     """Young's modulus, Pa."""
     poisson: Annotated[float, Gt(-1), Lt(0.5)] = 0.3
     density: Annotated[float, Ge(0), AfterValidator(specific_mass)] = 7850.0
     """kg/m3."""
     law: Law = "plane_stress"
-    """plane_stress (a thin sheet) or stvk (the paper to the letter)."""
+    """Material law: plane_stress (a thin sheet) or stvk (Saint Venant-Kirchhoff, exactly as in the paper)."""
     membrane: Membrane = "constant"
-    """constant strain (the paper), or quadratic or hybrid: accurate for slender parts too, at several times the
-    cost."""
+    """Membrane elements: constant strain (the paper); quadratic or hybrid, accurate for slender parts but slower."""
     bending: Bending = "hinge"
-    """hinge (the paper's; good for directions), midedge (converges to the plate) or hhj (the most accurate)."""
+    """Bending elements: hinge (the paper; for directions), midedge (converges to the plate), hhj (most accurate)."""
     stress: Literal["membrane", "layers", "auto"] = "membrane"
-    """Stress that the pattern follows: membrane, of the middle surface (the paper; of the lower side for a flat sheet
-    that only bends, because its middle surface has none); layers, of all layers, with bending; auto: layers where
-    bending stores at least half of the energy."""
+    """Stress that the pattern follows. membrane: stress of the middle surface (the paper). If a flat sheet only bends,
+    its middle surface has none, and the stress of its lower side replaces it. layers: stress of all layers, with
+    bending.
+    auto: layers where bending stores at least half of the energy, else membrane."""
     strength: Annotated[float, Ge(0), AfterValidator(resistance)] = 0.0
-    """Pa, for comparison with the largest stress (steel S235: 235e6); 0: no comparison."""
+    """Strength (Pa) to compare with the largest stress, 235e6 for steel S235. 0: no comparison."""
     frequencies: Annotated[int, Ge(0), Le(10)] = 0
     """Number of natural frequencies of the uncut sheet to compute."""
     buckling: Annotated[int, Ge(0), Le(10)] = 0
     """Number of buckling load factors of the uncut sheet to compute."""
     check: bool = True
-    """Refuse before the cut a sheet that moves by over a tenth of its span, stands on one vertex, or has a support or
-    load at a point far off the surface; false only reports it."""
+    """Refuse a doubtful sheet before the cut: a sheet that moves by over a tenth of its span, stands on one vertex, or
+    has a support or load at a point far off the surface. false: only report the doubt."""
 
     _named = model_validator(mode="before")(with_material)
 
     def __eq__(self, other: object) -> bool:
-        """Compare the values; the name of the material makes no difference."""
+        """Compare the values; a different name of the material makes no difference."""
         return isinstance(other, Statics) and self._values == other._values
 
     def __hash__(self) -> int:
@@ -106,54 +105,50 @@ class Statics(Section):
         return self.density * self.thickness * GRAVITY
 
     def sheet(self, thickness: float | None = None) -> SheetMaterial:
-        """Return the sheet's material and thickness (m); the preset's thickness by default."""
+        """Return the sheet's material and thickness (m); the default is the preset's thickness."""
         return SheetMaterial(self.elastic, self.thickness if thickness is None else thickness, self.law)
 
     @property
     def material_words(self) -> str:
-        """Material in words: 'GL24h', or 'GL24h, but for density'; empty without a named material."""
+        """Name of the material: 'GL24h', or 'GL24h, but for density' with another density; empty without a material."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
 
     def require_strength(self) -> None:
-        """Raise PresetError if the preset has neither a material nor a strength, because dsfab cannot check its
-        members.
-        """
+        """Raise PresetError if the preset has neither a material nor a strength, which member checks need."""
         require_strength(self.material, self.strength)
 
     @property
     def elements(self) -> Elements:
-        """Elements of the statics."""
+        """Kinds of membrane and bending elements."""
         return Elements(self.membrane, self.bending)
 
     @property
     def analyses(self) -> ResultRequest:
-        """Requests for strength, natural frequencies and buckling. For these dsfab solves the statics again, with
-        more accurate elements.
-        """
+        """Requests for strength, natural frequencies and buckling; dsfab solves these with more accurate elements."""
         return ResultRequest(self.strength, self.frequencies, self.buckling)
 
 
 class Diffusion(Section):
-    """[diffusion]: from stress to modes."""
+    """[diffusion]: anisotropic diffusion that follows the stress, and its eigenmodes."""
 
     r: Annotated[float, Ge(1), Le(1e4)] = 100.0
-    """Anisotropy: 1 ignores the stress, 10 to 100 follow it."""
+    """Anisotropy ratio: 1 ignores the stress, 10 to 100 follow the stress."""
     gamma: Annotated[float, Gt(0)] = 1.0
-    """Factor on the loads before faces are labelled isotropic or not (the paper's force magnitude)."""
+    """Factor on the loads before faces are labelled isotropic (the paper's force magnitude)."""
     labelling: Labelling = "signed"
-    """signed: major stripes follow tension; magnitude: the larger stress (the paper)."""
+    """signed: major stripes follow the more tensile stress; magnitude: the stress of larger magnitude (the paper)."""
     isotropy: Annotated[float, Ge(0), Lt(1)] = ISOTROPY
-    """Faces whose principal stresses differ by less than this share are isotropic."""
+    """A face is isotropic if its principal stresses differ by less than this share."""
     modes: Annotated[int, Ge(1), Le(50)] = 5
-    """Modes computed per family."""
+    """Number of eigenmodes for each family."""
     follow: str | None = None
-    """A case or combination; or combined, the sum of the magnitudes of their stresses: the default with several
-    cases."""
+    """Name of the case or combination that the pattern follows, or combined: the sum of stress magnitudes of all.
+    The default is combined for several cases."""
     weights: dict[str, float] = Field(default_factory=dict)
-    """combined: weight of each combination (each case, without combinations) in the sum; default 1."""
+    """Weight of each combination in the combined sum, or of each case without combinations; default 1."""
     symmetry: tuple[str, ...] = ()
-    """Required symmetry of the pattern: x, y or z for a mirror, rot:6:z for sixths of a turn; through the centre."""
+    """Required symmetry of the pattern through its centre: x, y or z for a mirror, rot:6:z for turns by 60 degrees."""
 
     @field_validator("symmetry")
     @classmethod
@@ -170,7 +165,7 @@ def _number_or_word(value: Any) -> str:
 
 
 AUTO: Literal["auto"] = "auto"
-"""Value of a mode or a phase that dsfab chooses (see `dsfab.design.mode_search`)."""
+"""Value of a mode or phase that dsfab chooses (see `dsfab.design.mode_search`)."""
 
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
@@ -196,17 +191,18 @@ class Family(Section):
     """[pattern.major] or [pattern.minor]: one family of stripes."""
 
     mode: Mode = 1
-    """Mode of the stripes; 1 is the first that is not constant. auto: of the first four, the stiffest."""
+    """Number of the eigenmode; mode 1 is the first that is not constant. auto: the stiffest of the first four."""
     frequency: Annotated[float, Ge(0), Le(1000)] = 8.0
-    """Stripes per unit of the mode (a surface has about 0.5 to 3 units from end to end). 0: by spacing. Evenly spaced
-    stripes have no frequency."""
+    """Stripes per unit of the mode; a mode has 0.5 to 3 units from end to end. 0: `spacing` replaces the frequency.
+    Evenly spaced stripes have no frequency."""
     spacing: Annotated[float, Ge(0)] = 0.0
-    """Mean distance (m) between the middles of stripes. 0: by frequency; for evenly spaced stripes a twelfth of the
-    surface's side, but not less than an edge of its mesh."""
+    """Mean distance (m) between the centre lines of stripes. 0: `frequency` replaces the spacing. The default of
+    evenly spaced
+    stripes is a twelfth of the side of a square of the surface's area, but at least the edge length of its mesh."""
     phase: Phase = 0.0
-    """Shift of the stripes, in periods. auto: the stiffest of several."""
+    """Shift of the stripes, in periods. auto: the stiffest of several phases."""
     threshold: Annotated[float, Ge(-1), Le(1)] = 0.0
-    """-1 everything is material, 0 half, 1 nothing."""
+    """Level of the stripes: -1 makes all material, 0 half, 1 nothing."""
 
     @model_validator(mode="before")
     @classmethod
@@ -220,25 +216,23 @@ class Family(Section):
         return values
 
     def distance(self, area: float, edge: float) -> float:
-        """Return the spacing (m) of evenly spaced stripes on a surface of that area; by default a twelfth of its side.
-        edge : mean edge of the mesh (m), the least default."""
+        """Return the spacing (m) of evenly spaced stripes on a surface of an area (m2); see `spacing` for the default.
+        edge : mean edge length of the mesh (m)."""
         return self.spacing or max(float(np.sqrt(area)) / STRIPES_ACROSS, edge)
 
     @property
     def number(self) -> int:
-        """Mode; 1 for auto."""
+        """Number of the mode; 1 for auto."""
         return 1 if self.mode == AUTO else self.mode
 
     @property
     def shift(self) -> float:
-        """Phase; 0 for auto."""
+        """Phase in periods; 0 for auto."""
         return 0.0 if self.phase == AUTO else self.phase
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family. A `spacing` has frequency 1 here, because its frequency needs a mode (see
-        `frequency_for`).
-        """
+        """Stripes of the family, with frequency 1 if only `spacing` is set, because its frequency needs a mode."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -246,26 +240,27 @@ class Width(Section):
     """[pattern.width]: width of the stripes of both families."""
 
     rule: Rule = "plain"
-    """plain: by the thresholds (the paper); constant: equal width in metres; graded: by the stress; stressed: graded,
-    then cut, solved and widened where the energy is largest, again and again: the stiffest and slowest."""
+    """plain: widths follow the thresholds (the paper); constant: equal widths in metres; graded: widths follow the
+    stress; stressed: graded, then cut, solved and widened repeatedly where the energy is largest: the stiffest and
+    slowest rule."""
     member: Annotated[float, Ge(0)] = 0.0
-    """constant: width of the members, metres; with solid_fraction dsfab solves for it."""
+    """Width of the members for rule constant, metres. 0: dsfab computes the width from solid_fraction."""
     q: Annotated[float, Ge(0), Le(4)] = 1.0
-    """graded: the share of material grows with this power of the stress; stressed: its starting value."""
+    """Exponent: the share of material grows with this power of the stress; for rule stressed the starting value."""
     steps: Annotated[int, Ge(1), Le(50)] = 8
-    """stressed: number of cuts and solutions."""
+    """Number of cuts and solutions for rule stressed."""
     min_width: LeastWidth = AUTO
-    """Least width of members, metres. 0 sets no limit. auto: for evenly spaced members of graded width the thickness,
-    or half of the constant width if that is less; for stressed width with pattern.workshop half of the thickness, or
-    the same; otherwise no limit."""
+    """Least width of members, metres. 0: no limit. auto, evenly spaced members of graded width: the thickness, or half
+    of the constant width if that is less. auto, stressed width: the same, but half of the thickness with
+    pattern.workshop. auto, all other rules: no limit."""
     max_width: Annotated[float, Ge(0)] = 0.0
-    """Largest width of members, metres. 0 sets no limit."""
+    """Largest width of members, metres. 0: no limit."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Metres; narrower gaps between two stripes of a family are filled. 0 fills none."""
+    """Least gap between two stripes of a family, metres; narrower gaps become material. 0: no limit."""
     solid_fraction: Annotated[float, Ge(0), Lt(1)] = 0.0
-    """Share of the surface to keep, keep and rim included: widths are scaled to it. 0 leaves them unscaled."""
+    """Share of the surface that stays material, keep and rim included; dsfab scales the widths to it. 0: no scaling."""
     solid_fraction_tolerance: Annotated[float, Ge(0), Le(0.1)] = JUMP
-    """Largest error of that share, where it jumps because ends of members come and go; a note reports it."""
+    """Largest error of solid_fraction if the share jumps because member ends appear or vanish; a note reports it."""
 
     @model_validator(mode="after")
     def _check_widths(self) -> "Width":
@@ -277,15 +272,12 @@ class Width(Section):
 
     @property
     def asked_least(self) -> float:
-        """Least width of members that the preset requests, metres; 0 for auto."""
+        """Least width of members in the preset, metres; 0 for auto."""
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. If dsfab must solve for a width, the width is a multiple of a hundredth of `length`,
-        metres.
-
-        least : least width (m) if `min_width` is auto, unless `max_width` is less.
-        """
+        """Return the width rule. A width that dsfab must compute later is 1 % of `length` (m) here.
+        least : least width (m) if `min_width` is auto; `max_width` limits it."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
         low = min(least, self.max_width or least) if self.min_width == AUTO else self.min_width
@@ -301,56 +293,53 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")
 """Names of the families of stripes."""
-
 STRIPES_ACROSS = 12
 """Default number of evenly spaced stripes across a square surface."""
 
 
 class Pattern(Section):
-    """[pattern]: the two families, and further material."""
+    """[pattern]: the two families of stripes, and parts that stay material."""
 
     method: Method = "modes"
-    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress;
-    auto: the stiffest without dead ends and slits. It compares both methods, with and without halving; constant and
-    graded widths (q and half of it) if the preset asks for one of these; stressed widths of the best of each method;
-    and other spacings if the preset has none.
-    """
+    """modes: stripes on eigenmodes (the paper); stripes: evenly spaced, `spacing` metres apart, along the stress; auto:
+    the stiffest without dead ends and slits. auto compares both methods, with and without halving. If the preset asks
+    for constant or graded widths, it compares both, and q and half of q. For stressed widths it compares the best
+    design of each method. If the preset sets no spacing, it also compares several."""
     halve: bool = True
-    """stripes: end every second stripe on a crossing member where stripes crowd; false keeps all."""
+    """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single one has no crossings: it is neither halved nor tidied, and rim and keep connect
-    it."""
+    """Families of stripes. A single family has no crossings: no halving and no tidying; rim and keep connect it."""
     symmetry: Literal["auto", "none"] = "auto"
-    """stripes: use the mirrors and turns that surface, supports and loads share, or none."""
+    """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
-    """stripes: rotation of both families from the stress, degrees, counter-clockwise seen from the side of the normals
-    (outside of a closed surface); 90 exchanges them."""
+    """For stripes: angle of both families to the stress, degrees, counter-clockwise seen from the side of the normals
+    (from outside for a closed surface); 90 swaps the families."""
     forces: Literal["uncut", "optimal"] = "uncut"
-    """stripes: forces for their direction and grading: of the uncut sheet, or of the stiffest sheet of varying
-    thickness with the same material (solid_fraction), which is stiffer in a plane, and at edges and openings."""
+    """For stripes: forces that set direction and grading. uncut: forces of the uncut sheet. optimal: forces of the
+    stiffest sheet of varying thickness with the same material (solid_fraction). It is stiffer in planes, at edges and
+    openings."""
     weight_rounds: Annotated[int, Ge(0), Le(2)] = 0
-    """stripes: number of further searches for directions with the weight of the stripes; 0: weight of the uncut sheet.
-    Useful where weight is most of the load."""
+    """For stripes: number of further searches for directions, with the stripes' weight where it is most of the load.
+    0: a single search, with the weight of the uncut sheet."""
     guide: tuple[Guide, ...] = ()
-    """stripes: curves and regions that direct them."""
+    """For stripes: curves and regions that set their direction."""
     region: tuple[PatternRegion, ...] = ()
-    """Doors, oculi, solid bands: parts of the surface that are solid, void, or have a solid band inside of their
-    edge."""
+    """Parts of the surface that are solid or void, or have a solid band inside their edge: doors, oculi, bands."""
     major: Family = Family()
     minor: Family = Family()
     width: Width = Width()
     tidy: bool | None = None
-    """Remove stripes that end in the air or turn back, as far as the last crossing, and fill openings narrower than the
-    members beside them. Default: on for stripes of both families, off on modes (the paper)."""
+    """Remove stripes that end freely or turn back, as far as their last crossing, and fill openings narrower than the
+    members beside them. Default: true for stripes of both families, false on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
-    """Metres around loads and supports that stay material; 0: none."""
+    """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
-    """Metres along the boundary that stay material; 0: none."""
+    """Width (m) of the band of material along the boundary; 0: none."""
     fillet: Annotated[float, Ge(0)] = 0.0
-    """Radius (m) of the corners of openings, less where room is short; 0 leaves them sharp."""
+    """Radius (m) of the corners of openings, smaller where space is short. 0: sharp corners."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
-    Default: on for evenly spaced stripes, unless their widths are stressed; off on modes."""
+    Default: true for evenly spaced stripes, unless their widths are stressed; false on modes."""
 
     @model_validator(mode="before")
     @classmethod
@@ -370,15 +359,12 @@ class Pattern(Section):
             raise ValueError("forces = 'optimal' needs the share of material to keep: set width.solid_fraction")
         for name, idle in (("guide", ()), ("rotate", 0.0), ("forces", "uncut")):
             if self.method == "modes" and getattr(self, name) != idle:
-                raise ValueError(
-                    f"{name} has no effect on method = 'modes', whose stripes run where the modes say; set method = "
-                    "'stripes' or leave it out"
-                )
+                raise ValueError(f"{name} has no effect on method = 'modes'; set method = 'stripes', or remove {name}")
         for k, guide in enumerate(self.guide):
             if guide.member and guide.family not in self.family_names:
                 raise ValueError(
-                    f"guide.{k} is to be a {guide.family} member, and families = '{self.families}' draws none; set its "
-                    f"family to '{self.families}'"
+                    f"guide.{k} is a {guide.family} member, but families = '{self.families}' has none of them; set the "
+                    f"guide's family to '{self.families}'"
                 )
         return self
 
@@ -389,7 +375,7 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands. Each is a layer of its own, before all families."""
+        """Number of solid regions and bands; each is a layer of its own, below all families in the number of layers."""
         return len(self.region) - len(self.voids)
 
     @property
@@ -399,7 +385,7 @@ class Pattern(Section):
 
     @property
     def is_steered(self) -> bool:
-        """True if stripes deviate from the direction of the stress."""
+        """True if guides or a rotation turn stripes away from the direction of the stress."""
         return bool(self.rotate or self.guide)
 
     @property
@@ -409,18 +395,16 @@ class Pattern(Section):
 
     @property
     def drawn_families(self) -> tuple[Family, ...]:
-        """The used families."""
         by_name = {"major": self.major, "minor": self.minor}
         return tuple(by_name[name] for name in self.family_names)
 
     @property
     def may_halve(self) -> bool:
-        """True if dsfab may omit lines in crowded places; omitted lines end on members of the other family."""
+        """True if lines in crowded places may end early; they end on members of the other family."""
         return self.halve and self.families == "both"
 
     @property
     def removes_loose_ends(self) -> bool:
-        """True if loose ends are removed."""
         return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
 
     @property
@@ -435,41 +419,41 @@ class Pattern(Section):
 
 
 class Slicing(Section):
-    """[slicing]: from stripes to a sheet."""
+    """[slicing]: cut of the surface along the stripes into a sheet with openings."""
 
     snap: Annotated[float, Ge(0), Le(0.3)] = 0.05
-    """Cuts closer to a vertex than this share of an edge go through the vertex, to avoid slivers."""
+    """Cuts nearer to a vertex than this share of an edge go through the vertex, which avoids slivers."""
     pinch: Literal["join", "split"] = "join"
-    """Where material would meet in a single point: join it with a small disc, or split it."""
+    """Treatment of material that would meet in a single point: join it by a small disc, or split it."""
     min_opening: Annotated[float, Ge(0)] | None = None
-    """Metres; smaller openings are filled. 0 fills none. Default: none on modes; between evenly spaced stripes those
-    under 15 % of their spacing; of tidied stripes, which have no opening narrower than the members beside it, those
-    also narrower than the sheet is thick. Of both also openings under 35 % of the usual size."""
+    """Smallest size of openings, metres; smaller ones are filled. 0: none are filled. Default on modes: 0. Default
+    between evenly spaced stripes: 15 % of their spacing; for tidied stripes also the thickness. Openings under 35 % of
+    the usual size are filled, too."""
     min_gap: Annotated[float, Ge(0)] | None = None
-    """Metres; with pattern.workshop narrower openings are bridged, and their narrower tips filled. 0 leaves them.
-    Default: a quarter of the thickness, or 3 mm if that is more (of small things a 500th of their size)."""
+    """Least width of openings with pattern.workshop, metres. Narrower openings are bridged; narrower tips are filled.
+    0: no limit. Default: a quarter of the thickness, or 3 mm if that is more (for small designs a 500th of their size).
+    """
     min_member: Annotated[float, Ge(0)] | None = None
-    """Metres; members of tidied stripes between openings with round corners are widened where they are narrower, and
-    narrower than 0.8 of the usual width. With pattern.workshop all members are, up to half of the thickness, or the
-    limit of [pattern.width] if that is less (none by its min_width = 0), which is the default. 0 widens none."""
+    """Least width of members, metres; narrower members are widened. 0: no limit. With pattern.workshop it applies to
+    all members; its default is half of the thickness, or the limit of [pattern.width] if that is less. Otherwise it
+    applies to tidied stripes between openings with round corners, if also narrower than 0.8 of the usual width."""
     improve: bool = False
     """Flip and collapse edges inside the triangles of the surface, for finite elements and CAD."""
     tolerance: Annotated[float, Ge(0)] = 0.0
-    """Metres by which `improve` may move the edges of stripes; 0 moves none."""
+    """Distance (m) by which `improve` may move the edges of stripes; 0: none."""
     loose: Literal["drop", "keep", "refuse"] = "drop"
-    """Pieces without a support: drop them, keep them too, or refuse the design."""
+    """Treatment of pieces without a support: drop them, keep them, or refuse the design."""
 
 
 class Thickening(Section):
-    """[thickening]: from the sheet to a solid; the thickness is that of [statics]."""
+    """[thickening]: from the sheet to a solid of the thickness in [statics]."""
 
     thinnest: Annotated[float, Gt(0), Le(1)] = 0.25
-    """Refuse a solid with a smaller share of the thickness left at sharp curvature."""
+    """Refuse a solid that keeps less than this share of the thickness at sharp curvature."""
     side: Side = "mid"
-    """Position of the sheet: mid (around the surface), out (on the side of its normals; outside of closed ones) or
-    in."""
+    """Position of the sheet: mid (around the surface), out (on the side of its normals, or outside) or in."""
     strict: bool = False
-    """Refuse a solid whose faces still intersect after all repairs, instead of reporting the place."""
+    """Refuse a solid whose faces still intersect after all repairs. false: report the place."""
     extra: tuple[Annotated[Extra, Field(discriminator="kind")], ...] = ()
     """Feet, ring, holes, trim, split: additions to the solid and cuts from it, in this order."""
 
@@ -480,14 +464,14 @@ class Fabrication(Section):
     min_member: Annotated[float, Ge(0)] = 0.0
     """Least width of members, metres. 0: no check besides that of pattern.workshop."""
     min_gap: Annotated[float, Ge(0)] = 0.0
-    """Least width of openings, with pattern.workshop of their tips too, metres. 0: as above."""
+    """Least width of openings, and of their tips with pattern.workshop, metres. 0: no further check."""
     min_wall: Annotated[float, Ge(0)] = 0.0
     """Least thickness of walls of the solid, metres. 0: no check."""
     accept: bool = False
-    """Write files in spite of loads without a path to a support, of a sheet thinned to a film where it would meet
-    itself, and of members and openings under 1 mm below their limit."""
+    """Write files in spite of loads without a path to a support, of a sheet that is very thin where it would meet
+    itself, and of members and openings less than 1 mm below their limit."""
     bed: tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)], Annotated[float, Gt(0)]] | None = None
-    """Size of the machine along x, y, z, metres; the solid may lie on any of its sides."""
+    """Size of the machine along x, y, z, metres; the solid may lie on any side."""
 
 
 FormatName = Literal[
@@ -500,10 +484,10 @@ FormatName = Literal[
 
 
 class Export(Section):
-    """[export]: the files."""
+    """[export]: file formats and options of STEP files."""
 
     formats: tuple[FormatName, ...] = ("stl", "3mf", "step")
-    """See `dsfab export --help`: solids, lines, drawings, fields."""
+    """File formats; `dsfab export --help` lists them."""
     step_faces: Annotated[int, Gt(0)] = 30_000
     """Largest number of faces that a STEP file may have."""
     step: Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"] = "auto"
@@ -514,21 +498,20 @@ class Export(Section):
     same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes and fail.
     """
     step_tolerance: Annotated[float, Ge(0)] = 0.0
-    """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, faceted: none."""
+    """Largest error (m) of planar, smooth or simplified STEP; 0: a share of the thickness, for faceted STEP none."""
     step_mb: Annotated[float, Ge(0)] = 0.0
-    """Largest size of a STEP file in MB; 0 is no limit."""
+    """Largest size of a STEP file in MB; 0: no limit."""
 
 
 class Preset(Section):
     """A whole preset. Units: metres, newtons, pascals, kilograms.
 
     roof = dsfab.Preset(
-        surface=mesh,                       # of trimesh, pyvista, compas; (V, F); a path; or as in TOML
+        surface=mesh,                       # a mesh of trimesh, pyvista, compas; (V, F); a path; or keys as in TOML
         supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight(), dsfab.Snow(800.0)],
         statics=dsfab.Statics(thickness=0.05),
-        pattern={"method": "stripes"},      # each section as an object or as its keys
-    )
-    """
+        pattern={"method": "stripes"},      # each section is an object, or a table of its keys
+    )"""
 
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")] = "design"
     """Name of the output folder."""
@@ -562,8 +545,7 @@ class Preset(Section):
         supports, loads, combinations : of the surface, in place of its own: `dsfab.Support(...)`, `dsfab.Snow(...)`,
                   or their keys as in TOML.
         sections : name, description, statics, diffusion, pattern ..., each as an object or as its keys.
-        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh.
-        """
+        Raises PresetError that lists every mistake with its key in TOML; SurfaceError for an invalid mesh."""
         surface_lists = {"support": supports, "load": loads, "combination": combinations}
         values = {key: plain(value) for key, value in sections.items()}
         if surface is not None:
@@ -585,11 +567,8 @@ class Preset(Section):
 
     @model_validator(mode="after")
     def _keeps_its_count(self) -> "Preset":
-        """Refuse vertex numbers in guides and regions beside a void, because a void removes vertices and changes their
-        numbers.
-
-        Supports and loads may name vertices, because dsfab picks these before the void.
-        """
+        """Refuse vertex numbers in guides and regions if there is a void, because it changes the numbers of vertices.
+        Supports and loads may contain vertex numbers, because dsfab picks their vertices before the void."""
         regions = tuple(None if entry.do == "void" else entry for entry in self.pattern.region)
         lists: dict[str, Any] = {"pattern.guide": self.pattern.guide, "pattern.region": regions}
         counted = [
@@ -601,8 +580,8 @@ class Preset(Section):
         if counted and self.pattern.voids:
             void = region_key(self.pattern.region, self.pattern.voids[0])
             raise ValueError(
-                f"{', '.join(counted)}: pick = 'vertices' counts the vertices of the mesh as it is given, and the void "
-                f"{void} takes some of them away; use pick = 'nearest'"
+                f"{', '.join(counted)}: pick = 'vertices' needs the vertices of the whole mesh, but the void {void} "
+                "removes some; use pick = 'nearest'"
             )
         return self
 
@@ -611,8 +590,8 @@ class Preset(Section):
         return self.surface.load, self.surface.sums, self.diffusion.follow, self.diffusion.weights
 
     def judged_in(self, state: LimitState, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations for stress and buckling (`ULS`) or for displacements (`SLS`).
-        They are all cases if no combination has a limit state."""
+        """Return the cases and combinations to check for stress and buckling (`ULS`) or displacements (`SLS`).
+        These are all cases if no combination has a limit state."""
         return judged_names(names, self.surface.sums, state)
 
     @property
@@ -622,11 +601,11 @@ class Preset(Section):
 
     @property
     def combines(self) -> bool:
-        """True if the pattern follows a sum of stress magnitudes rather than the stress of one case."""
+        """True if the pattern follows a sum of stress magnitudes, False for the stress of a single case."""
         return combines(self.surface.load, self.diffusion.follow)
 
     def with_modes(self, mode: tuple[int, int], phase: tuple[float, float]) -> "Preset":
-        """Return the preset with these modes and phases, of the major and of the minor family."""
+        """Return the preset with two modes and two phases, each for the major and for the minor family."""
         families = {
             name: getattr(self.pattern, name).model_copy(update={"mode": mode[k], "phase": phase[k]})
             for k, name in enumerate(("major", "minor"))
@@ -634,13 +613,11 @@ class Preset(Section):
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
 
     def with_pattern(self, **changes: Any) -> "Preset":
-        """Return the preset with other values in [pattern]."""
+        """Return the preset with changed values in [pattern]."""
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=changes)})
 
     def self_contained(self) -> "Preset":
-        """Return the preset with the curves of its drawings in place of their files; raises SurfaceError for a
-        missing drawing.
-        """
+        """Return the preset with curves in place of the files of its drawings; SurfaceError for a missing file."""
         lists = {"surface": ("support", "load"), "pattern": ("guide", "region"), "thickening": ("extra",)}
         changes = dict[str, Any]()
         for name, keys in lists.items():
@@ -652,8 +629,8 @@ class Preset(Section):
 
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None; name and description make no difference.
-        The outlines of regions belong to the surface here, because they cut it. So does the section [statics] if the
-        mesh follows the stress."""
+        Outlines of regions cut the surface, so they belong to it here, as [statics] does if the mesh follows the
+        stress."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

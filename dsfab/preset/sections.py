@@ -17,41 +17,39 @@ class Workshop(Section):
     """[workshop]: flat parts for `dsfab workshop`. It does not change the design."""
 
     route: Route = "auto"
-    """strips: members flat in the surface, in bolted layers; planks: members upright on it, halved at crossings; bars:
-    straight from node to node, on folded plates; panels: models, in one skin with tabs; sheet: a flat design in pieces
-    of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if these stay near
-    the surface, else planks if they can be bent and assembled.
-    """
+    """strips: members flat in the surface, in bolted layers; planks: members upright on the surface, halved at
+    crossings; bars: straight from node to node, on folded plates; panels: a model in one skin with tabs; sheet: a flat
+    design in pieces of the stock's size; auto: sheet for a flat design, else strips if they can be bent, else bars if
+    these stay near the surface, else planks if they can be bent and assembled."""
     stock: tuple[StockSize, ...] = ((2.5, 1.25),)
-    """Metres; length and width of the sheets to cut from, of one size or of several."""
+    """Length and width of the sheets to cut from, metres; one size or several."""
     prices: tuple[Annotated[float, Gt(0)], ...] = ()
-    """Price of a sheet of each size of the stock, in its order and in any currency: the cheapest combination is used.
-    Without prices it is the least area."""
+    """Price of a sheet of each size of the stock, in its order, in any currency; dsfab uses the cheapest combination.
+    Without prices it chooses the least area."""
     thickness: Annotated[float, Ge(0)] = 0.0
-    """Thickness of one layer, of planks or of bars, metres. 0: that of [statics], divided by the layers."""
+    """Thickness of one layer, plank or bar, metres. 0: the thickness in [statics], divided by the number of layers."""
     depth: Annotated[float, Ge(0)] = 0.0
     """planks: depth along the normals, metres. 0: the usual width of members."""
     layers: Literal[2, 4] = 2
-    """strips: number of layers where two members cross; of 2 each member is in one, of 4 in two."""
+    """strips: number of layers where two members cross. A member is in one of 2 layers, or in two of 4 layers."""
     plate: Annotated[float, Gt(0)] = 0.005
-    """Thickness of the plates of nodes (bars) and of anchors, metres."""
+    """Thickness of the plates at nodes (bars) and at anchors, metres."""
     anchor: Annotated[float, Ge(0)] = 0.0
-    """Diameter of anchors, metres. At supports plates reach the ground in a folded leg with two holes for these; 0:
-    without."""
+    """Diameter of anchors, metres. Plates of supports have a leg with two anchor holes. 0: no anchors."""
     bolt: Annotated[float, Gt(0)] = 0.012
-    """Diameter of the bolts and of their holes, metres."""
+    """Diameter of the bolts and of the bolt holes, metres."""
     gap: Annotated[float, Ge(0)] = 0.008
-    """Metres between parts on the stock, and from its edge: room for the cutter."""
+    """Distance (m) between parts on the stock, and from the edge of the stock: space for the cutting tool."""
     grain: bool = False
-    """Grain runs along the sheets; members lie along it and are never cut across."""
+    """True if the grain runs along the sheets; members then lie along the grain and never across."""
     nesting: Literal["stacked", "spyrrow"] = "stacked"
-    """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheets. It takes
-    minutes and needs: pip install "dsfab[nesting]"."""
+    """stacked: parts are stacked on sheets; spyrrow: that solver then tries to empty the least used sheet. The solver
+    takes minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
-    """50: a model in card at 1:50, and all lengths of this section are the model's. 0: full size."""
+    """Scale of a card model: 50 means 1:50, and all lengths of this section are lengths of the model. 0: full size."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
-    """Joint of parts longer than the stock: members with a bolted cover plate, flat sheets butted; glued on a bevel of
-    eight times the thickness (scarf); flat sheets with fingers; or all just butted."""
+    """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
+    glued bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""
 
     @field_validator("stock", mode="before")
     @classmethod
@@ -69,7 +67,7 @@ class Workshop(Section):
     @classmethod
     def _check_stock(cls, stock: tuple[StockSize, ...]) -> tuple[StockSize, ...]:
         if not stock:
-            raise ValueError("no sheet to cut from; give length and width in metres, for instance [2.5, 1.25]")
+            raise ValueError("stock is empty; give length and width of a sheet in metres, for instance [2.5, 1.25]")
         return tuple((max(size), min(size)) for size in stock)
 
     @model_validator(mode="after")
@@ -77,8 +75,7 @@ class Workshop(Section):
         if self.prices and len(self.prices) != len(self.stock):
             sizes = f"{len(self.stock)} size{'' if len(self.stock) == 1 else 's'}"
             raise ValueError(
-                f"prices for {len(self.prices)} sizes, and stock has {sizes}; give one price for each size, in the "
-                "same order, or none"
+                f"prices has {len(self.prices)} entries, but stock has {sizes}; give one price for each size, or none"
             )
         return self
 
@@ -87,14 +84,13 @@ Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 
 
 class Eurocode(Section):
-    """[eurocode]: checks of members, by EN 1993-1-1 for steel, by EN 1995-1-1 for timber. They do not change the
-    design."""
+    """[eurocode]: checks of members by EN 1993-1-1 (steel) or EN 1995-1-1 (timber); they do not change the design."""
 
     service_class: Literal[1, 2, 3] = 2
     """Timber: 1 heated rooms, 2 under a roof, 3 in the open."""
     duration: dict[str, Duration] = Field(default_factory=dict)
-    """Timber, by case: duration of its loads; default: weight permanent, stores long, wind and maintenance short, all
-    others medium."""
+    """Timber: duration of loads by case. Default: weight permanent, stores long, wind and maintenance short, all others
+    medium."""
     gamma_m: Annotated[float, Gt(0)] | None = None
     """Timber: partial factor; default: 1.3 for solid timber, 1.25 for glulam, 1.2 for LVL."""
     gamma_m0: Annotated[float, Gt(0)] = 1.0
@@ -104,10 +100,10 @@ class Eurocode(Section):
     curve: Literal["a0", "a", "b", "c", "d"] = "c"
     """Steel: the buckling curve; c for solid sections."""
     buckling_length: Annotated[float, Gt(0), Le(10)] = 1.0
-    """Times the distance of nodes along the member."""
+    """Buckling length over the distance between nodes along the member."""
     bent_in: bool = False
-    """Timber: members are layers bent into shape from straight ones (`workshop.thickness`, or that of [statics] over
-    `workshop.layers`): the stress from it is added."""
+    """Timber: members are straight layers bent into shape, of `workshop.thickness`, or of the thickness in [statics]
+    over `workshop.layers`; the check adds the bending stress."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
         """Yield cases without a load, as 'key = value: allowed values'."""

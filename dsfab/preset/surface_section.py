@@ -1,4 +1,4 @@
-"""The [surface] section of a preset: a mesh or a procedural shape, with its supports and loads."""
+"""[surface] section of a preset: a mesh or a procedural shape, with its supports and loads."""
 
 import base64
 import inspect
@@ -59,14 +59,13 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # only Python code calls this constructor; a preset file reports the mistakes of all sections together
+    # only Python code calls this constructor; for a preset file one message lists the mistakes of all sections
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class SurfaceSection(Section):
     """Keys of every surface.
-    pydantic builds the checks on first use, because a preset would build those of all kinds of surfaces at once.
-    Separate checks of supports and loads took half of the time of starting dsfab."""
+    pydantic builds the checks on first use, because all checks together take half of the time to start dsfab."""
 
     model_config = ConfigDict(defer_build=True)
 
@@ -75,21 +74,20 @@ class SurfaceSection(Section):
     combination: tuple[Combination, ...] = ()
     """Sums of load cases (`case` of a load), each case multiplied with its factor."""
     combinations: CombinationRule | None = None
-    """Combinations after a standard, besides those in the list."""
+    """Standard whose combinations dsfab adds to those in the list."""
     actions: dict[CaseName, ActionKind] = {}
-    """Kind of action of a case for the standard, where its loads do not tell: weight is permanent, snow is snow, wind
-    wind."""
+    """Kind of action of a case for the standard, unless its loads define the kind, as weight, snow and wind do."""
     factors: DesignFactors | None = None
     """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
-    """Largest edge, metres; longer ones are divided. 0 leaves them as they are."""
+    """Largest edge length, metres; longer edges are divided. 0: no edge is divided."""
     smooth: bool = False
-    """Let refining round the facets (Loop subdivision), or put the vertices of a new mesh on the smooth surface through
-    the old ones; boundaries and creases stay."""
+    """Round the facets: with `refine` by Loop subdivision; with `edge` the new vertices lie on the smooth surface
+    through the old vertices. Boundaries and creases stay."""
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """Combinations in the list, followed by the combinations after the standard."""
+        """Combinations of the list, followed by the combinations after the standard."""
         return (*self.combination, *self.standard_sums)
 
     @property
@@ -101,15 +99,15 @@ class SurfaceSection(Section):
 
     @property
     def by_stress(self) -> bool:
-        """True if edges are shorter where the stress changes."""
+        """True if the mesh has shorter edges where the stress changes."""
         return False
 
     def build(self) -> Surface:
-        """Return the surface; raises SurfaceError."""
+        """Return the surface; raises SurfaceError for an invalid surface."""
         return refined_surface(self.base_surface(), self.refine, self.smooth) if self.refine else self.base_surface()
 
     def base_surface(self) -> Surface:
-        """Return the surface before it is refined."""
+        """Return the surface before refinement."""
         raise NotImplementedError
 
 
@@ -117,33 +115,31 @@ class OwnSurface(SurfaceSection):
     """Keys of the user's meshes: the length of the edges of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
-    """Length of edges, metres; the surface gets a new mesh of even triangles, boundaries and creases kept. 0: no new
-    mesh."""
+    """Edge length of a new mesh of even triangles, metres; boundaries and creases stay. 0: the mesh stays unchanged."""
     finest: Annotated[float, Ge(0)] = 0.0
-    """Least length of edges, metres; with `edge`, edges are shorter where `finest_at` says. 0: all are equal."""
+    """Least edge length, metres; needs `edge`. Edges are shorter where `finest_at` says. 0: all have equal lengths."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Where edges are shorter: where the surface is curved, where its stress changes, or at both: by a quarter of its
-    root mean square along an edge, in statics on even triangles."""
+    """Places of shorter edges: where the surface is curved, where its stress changes, or both. The stress changes if it
+    varies along an edge by a quarter of its root mean square, in statics on even triangles."""
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
         if self.edge and self.refine:
-            raise ValueError("give either edge (all triangles made anew) or refine (long edges halved), not both")
+            raise ValueError("give either edge (a new mesh) or refine (division of long edges), not both")
         if self.finest and not self.edge:
-            raise ValueError("finest goes with edge, the length of edges where the surface is not curved; give both")
+            raise ValueError("finest needs edge, the edge length where the surface is not curved; give both")
         if self.finest_at != "curvature" and not self.finest:
-            raise ValueError(f"finest_at = {self.finest_at!r} goes with finest, the length of the shortest edges")
+            raise ValueError(f"finest_at = {self.finest_at!r} needs finest, the shortest edge length; give both")
         if self.finest > self.edge:
             raise ValueError(f"finest = {self.finest:g} must not be longer than edge = {self.edge:g}")
         return self
 
     @property
     def by_stress(self) -> bool:
-        """True if edges are shorter where the stress changes."""
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
-        """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
+        """Return the surface, with edges of these sizes on a new mesh; raises SurfaceError for an invalid surface.
         base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
@@ -156,38 +152,37 @@ class FileSurface(OwnSurface):
     """A surface from a mesh file."""
 
     file: Path
-    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; relative paths start at the preset's folder, in
-    Python at the current one."""
+    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP file. A relative path starts at the preset's folder,
+    in Python at the current folder."""
     unit: str | None = None
-    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files name their own."""
+    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files contain their unit."""
     up: Up = "z"
-    """The file's axis that points to the sky; other keys refer to z up. GLB files are turned already."""
+    """Axis of the file that points to the sky; all other keys assume z up. dsfab turns GLB files itself."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Metres, with z up; the point of the file that becomes the design's origin, for a survey's coordinates."""
+    """Point of the file that becomes the design's origin, metres, with z up; for a survey's coordinates."""
     mend: bool = False
-    """Mend small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and even
-    out ragged edges."""
+    """Repair small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes,
+    straighten ragged edges."""
     repair: bool = False
-    """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces under a twentieth of the
-    largest, fill holes with an outline under 15 % of the largest side, turn faces to the same side."""
+    """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces smaller than a twentieth of the
+    largest, fill holes with an outline under 15 % of the largest side, turn all faces to the same side."""
     max_triangles: Annotated[int, Ge(1)] | None = None
-    """Largest number of triangles in the file; it limits bytes, vertices and seconds of reading too. Default: 4
-    million."""
+    """Largest number of triangles in the file; also limits its bytes, vertices and reading time. Default: 4 million."""
 
     @property
     def waits(self) -> bool:
-        """True for a shipped preset that needs the user's mesh."""
+        """True for a shipped preset that still needs the user's mesh."""
         return self.file.parent in PRESETS and not self.file.exists()
 
     def base_surface(self) -> Surface:
-        """Return the surface in the file, metres; raises PresetError if the user has to supply it."""
+        """Return the surface in the file, metres; raises PresetError if the preset needs the user's mesh."""
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """Return the surface with the record of reading and repairs; raises PresetError if the user must supply it."""
+        """Return the surface, and the record of reading and repairs; raises PresetError without the user's mesh."""
         if self.waits:
             raise PresetError(
-                f"this preset needs a mesh of yours in place of {self.file.name}: write "
+                f"this preset needs your mesh in place of {self.file.name}: write "
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
         limit = self.max_triangles or DEFAULT_TRIANGLES
@@ -206,7 +201,7 @@ def _mesh_from(value: Any) -> Surface:
         n, m = np.frombuffer(data, "<i8", 2)
         V, F = np.frombuffer(data, "<f8", 3 * n, 16), np.frombuffer(data, "<i8", 3 * m, 16 + 24 * n)
     except (ValueError, zlib.error):
-        raise ValueError("this is no mesh that dsfab wrote; give surface.file instead") from None
+        raise ValueError("dsfab cannot read this text as a mesh; give surface.file instead") from None
     return normalized_surface(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
 
 
@@ -220,13 +215,13 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 
 class MeshSurface(OwnSurface):
-    """A surface from a mesh in Python. `dsfab.save` writes the mesh beside the preset, and the preset names this file.
-    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces."""
+    """A surface from a mesh in Python. `dsfab.save` writes the mesh to a file, and the saved preset names this file.
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces (m,
+           3)."""
 
     mesh: Annotated[Mesh, Field(repr=False)]
 
     def base_surface(self) -> Surface:
-        """Return the mesh itself."""
         return self.mesh
 
     def __eq__(self, other: object) -> bool:
@@ -243,7 +238,6 @@ class ShapeSurface(SurfaceSection):
     shape: str
 
     def base_surface(self) -> Surface:
-        """Return the shape with its parameters."""
         common_keys = set(SurfaceSection.model_fields) | {"shape"}
         return SHAPES[self.shape](**{k: v for k, v in self if k not in common_keys})
 
@@ -283,7 +277,7 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of Python code as a table, with `lists` in place of its own lists.
+    """Return the argument `surface` of Python code as a table, `lists` replace supports, loads and combinations.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):
@@ -305,12 +299,12 @@ EXAMPLE = (
 
 
 def missing_preset(thing: Any) -> str:
-    """Return a sentence that explains which argument must replace an object that is not a preset."""
+    """Return an error message for an object that is not a preset, with the call that makes a preset of it."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
-        return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
+        return f"{str(thing)!r} is the name of a preset only; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     names: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
     name = names.get(type(thing), f"a mesh of type {type(thing).__name__}")
     return (
-        f"{name} alone is no preset: supports, loads and a thickness are missing; let dsfab propose them, "
+        f"{name} is not a preset: supports, loads and a thickness are missing; let dsfab propose them, "
         f"dsfab.run(dsfab.preset_for(mesh)), or write for instance {EXAMPLE}"
     )

@@ -24,7 +24,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError like `check_edges`, and for avoidable pairs of faces that point to opposite sides."""
+    """Raise SolidError like `check_edges`, and for neighbouring faces that needlessly point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -37,12 +37,12 @@ def check_oriented(surface: Surface) -> None:
 
 
 def check_contacts(surface: Surface) -> None:
-    """Raise SolidError where parts of the sheet meet in a vertex only, because no solid is a manifold there."""
+    """Raise SolidError if parts of the sheet meet in a vertex only, because no solid is a manifold there."""
     pinched = surface.pinches
     if len(pinched):
         raise SolidError(
-            f"parts of the sheet meet in nothing but a point at {len(pinched)} vertices (first: {first_few(pinched)}); "
-            "join or split them before thickening"
+            f"parts of the sheet touch in a single point at {len(pinched)} vertices (first: {first_few(pinched)}); "
+            "join or split these parts before thickening"
         )
 
 
@@ -51,25 +51,24 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
 
 
 VISIBILITY_GAP = 0.001
-"""The search ends if the smallest cosine of a normal is within this share of the best possible one."""
-
+"""The search ends if the smallest cosine of a normal is within this share of the best possible cosine."""
 CHUNK = 1 << 13
-"""Faces processed together: this many fit the processor's cache."""
+"""Number of faces processed together, because they fit the processor's cache."""
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """(n, 3) unit normals with nearly (5 %) the largest possible smallest cosine to the faces around each vertex.
+    """Return unit normals (n, 3) whose smallest cosine to the faces at each vertex is within 5 % of the largest
+    possible.
 
-    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals
-    [Gilbert 1966: step towards the worst face]. The length of any point there bounds the best cosine from above. The
-    search starts from the mean weighted by the corner angles (m, 3), and returns this mean if no direction sees all
-    faces.
-    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex.
-    """
+    The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
+    1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine.
+    The search starts from the mean weighted by the corner angles (m, 3). If none sees all faces, it returns this mean.
+
+    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # a fine mesh has few such corners
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # few corners of a fine mesh
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -89,7 +88,6 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
 
 
 def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
-    """(n,) True if a step towards the worst face may help."""
     lowest = np.full(surface.n, np.inf)
     for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
         np.minimum.at(lowest, corner, np.einsum("mi,mi->m", normal, point.take(corner, axis=0)))
@@ -97,13 +95,13 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """(n,) 1 / mean cosine between each normal N and the faces around it (see `visible_normals`), up to `limit`."""
+    """Return 1 / mean cosine (n,) between each normal N and the faces around it, up to `limit`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
 
 def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
-    """(n, k) weighted mean over the corners at each vertex of values (3 m, k); zero without corners."""
+    """Return the weighted mean (n, k), over the corners at each vertex, of values (3 m, k); zero without corners."""
     w, vertex = weights.ravel(), surface.F.ravel()
     total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
     total_weight = np.bincount(vertex, w, surface.n)[:, None]
@@ -112,7 +110,7 @@ def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
 
 
 def corner_angles(surface: Surface) -> Floats:
-    """(m, 3) angles of the faces at their corners, radians."""
+    """Return the angles of the faces at their corners (m, 3), radians."""
     angles = np.empty((surface.m, 3))
     for k in range(0, surface.m, CHUNK):
         a, b, c = (surface.V.take(F, axis=0) for F in surface.F[k : k + CHUNK].T)
@@ -133,7 +131,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Unit normals from the points; the mean, or any face's normal, if a point sees a face from behind."""
+    """Return unit normals from the points; from the mean, or any face's normal, if a point sees a face from behind."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -155,20 +153,19 @@ def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
 Side = Literal["mid", "out", "in"]
 
 SHIFT = {"mid": 0, "out": 1, "in": -1}
-"""Distance of the middle of the sheet from the surface, in D."""
+"""Distance of the middle of the sheet from the surface, as a multiple of D."""
 
 
 @dataclass(frozen=True, eq=False)
 class Offsets:
     """Half-thickness vectors of a surface.
 
-    D        : (n, 3) half of the way from the lower to the upper skin, metres. Zero without faces.
-    limited  : number of vertices where the surface bends too tightly for the thickness.
-    smallest : the smallest remaining share of the thickness; 1 if nothing was limited.
-    tightest : the vertex of that share.
-    sides    : (m, 3) of 1 and -1: the side of a face on which D lies at its corners (see `corner_sides`); all 1 except
-               on surfaces with one side only.
-    """
+    D        : (n, 3) half of the vector from the lower to the upper skin at each vertex, metres. Zero without faces.
+    limited  : number of vertices where the surface bends too sharply for the thickness.
+    smallest : smallest remaining share of the thickness; 1 without limited vertices.
+    tightest : the vertex with this share.
+    sides    : (m, 3) side of a face, 1 or -1, on which D lies at each of its corners (see `corner_sides`); always 1
+               except on one-sided surfaces."""
 
     D: Floats
     limited: int
@@ -181,7 +178,7 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """(m, 3, 3) D at corners of the faces F (m, 3), on each face's side: input of `Sheet.carry_corners`."""
+        """Return D at corners of the faces F (m, 3) as (m, 3, 3), on each face's side, for `Sheet.carry_corners`."""
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
@@ -192,14 +189,14 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
     Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases (mitre,
     at most twice), and shorter where the prisms over the faces would fold over.
 
-    thickness : of the whole sheet, or (n,) at each vertex.
-    side : position of the sheet: around the surface, or on one side of it: "out" is where the normals point.
+    thickness : of the whole sheet, one number or (n,) at each vertex.
+    side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
     Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or lack a possible
-    orientation, and for `side` on a surface with one side only."""
+    orientation, and for `side` on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
-        raise SolidError(f'side = "{side}" needs a surface with two sides, and this one has one only; use "mid"')
+        raise SolidError(f'thickening.side = "{side}" is impossible on a one-sided surface; use "mid"')
     sides = corner_sides(surface.F, surface.edges)
     weights, faces = corner_angles(surface), surface.normals[:, None, :] * sides[:, :, None]
     N = visible_normals(surface, weights, faces)
@@ -215,9 +212,9 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
         raise SolidError(f"thickness has shape {t.shape}; give one number, or one for each of {surface.n} vertices")
     bad = np.flatnonzero(~(np.isfinite(t) & (t > 0)))
     if len(bad) and not t.shape:
-        raise SolidError(f"thickness = {thickness} m cannot be built; give a positive number of metres")
+        raise SolidError(f"thickness = {thickness} m is not positive; give a positive number of metres")
     if len(bad):
-        raise SolidError(f"the thickness is not a positive number at {len(bad)} vertices (first: {first_few(bad)})")
+        raise SolidError(f"thickness is not a positive number at {len(bad)} vertices (first: {first_few(bad)})")
     return np.broadcast_to(t, surface.n)
 
 
@@ -225,8 +222,7 @@ def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
     """Return shares (n,) of D (n, 3) with which every prism over a face has a clearly positive Jacobian.
-
-    A corner that its own offset vector hardly sees has a lower limit, because shrinking does not help there.
+    If the offset vector at a corner is nearly parallel to the face, its limit is lower: shrinking does not help.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
     smallest : least share, because an exact test follows."""
     share = np.ones(surface.n)
@@ -248,12 +244,11 @@ def safe_shares(
 
 
 def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) of the corners.
-
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) at
+    corners.
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
     corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean |d|.
-    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side their normals point to.
-    """
+    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
     flat = cross(e1, e2)
@@ -261,4 +256,4 @@ def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(0.2, 0.5 * straight)  # a limit of 0.05 is too weak, and with 0.4 the loop may not stop
+    return C, np.minimum(0.2, 0.5 * straight)  # a limit of 0.05 is too weak; with 0.4 `safe_shares` may not converge

@@ -1,4 +1,4 @@
-"""Repair of self-intersections: flattened folds, flipped diagonals, a thinner sheet, or a union."""
+"""Repair of self-intersections: flattened folds, flipped diagonals, a thinner sheet, or a union of patches."""
 
 from dataclasses import dataclass
 
@@ -24,9 +24,9 @@ class UnfoldedSheet:
 
 
 def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
-    """Smooth away small folds of a sheet, up to twice its thickness in size. D (n, 3): its half thickness, metres.
-    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: prisms over it turn over
-    however thin they are. Larger folds are intended, because the surface crosses itself there."""
+    """Smooth small folds of a sheet, up to twice its thickness in size. D (n, 3): half-thickness vectors, metres.
+    Such a fold, mostly of a few faces, is a fault of the mesh that no offset can repair: thin prisms over it turn over.
+    Larger folds are intended, because the surface crosses itself there."""
     all_crossings = crossing = intersecting_pairs(surface.V, surface.F)
     V, averages, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
     for _ in range(10 if len(crossing) else 0):
@@ -40,7 +40,7 @@ def unfold(surface: Surface, D: Floats) -> UnfoldedSheet:
         V = np.where(to_move[:, None], (V + averages @ V) / 2, V)
         all_crossings, crossing = np.concatenate([all_crossings, crossing]), intersecting_pairs(V, surface.F)
     stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(all_crossings) else None
-    if stuck is not None and stuck.any() and (V != surface.V).any():  # undo moves of remaining folds
+    if stuck is not None and stuck.any() and (V != surface.V).any():  # undo the moves in folds that remain
         V = np.where(stuck[:, None], surface.V, V)
         crossing = intersecting_pairs(V, surface.F)
     return UnfoldedSheet(V, crossing)
@@ -50,12 +50,11 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-    Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
-    shortening does not help: then vertex and offset move half of the way to the mean of the neighbours. Returns the
-    best
-    state."""
+    Faces that meet become thinner, to a film if necessary. An offset nearly parallel to a face around its vertex cannot
+    become better by shortening: then vertex and offset move half of the way to the mean of the neighbours. The result
+    is the best state of all rounds."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
-    least = 0.002 * np.linalg.norm(D, axis=1)  # rounding to single precision shows at half of this length
+    least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
     result = V, D, pairs
     for _ in range(60):
         if not len(pairs):
@@ -75,7 +74,7 @@ def flatten_contacts(
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """(n,) smallest cosine between each offset and the faces around its vertex, on their sides."""
+    """Return the smallest cosine (n,) between each offset and the faces around its vertex, on the faces' sides."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -85,7 +84,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """The fold (n,) of each vertex, or -1, and the size of each fold: the diagonal of its box, metres."""
+    """Return the number of the fold at each vertex (n,), or -1, and the diagonal of each fold's box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
@@ -100,7 +99,6 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 
 
 def _averages(surface: Surface) -> csr_array:
-    """(n, n) the mean over the neighbours of each vertex, along the boundary for boundary vertices."""
     i, j = smoothing_neighbours(surface.edges, surface.n)
     return csr_array((1 / np.bincount(i, minlength=surface.n)[i], (i, j)), shape=(surface.n,) * 2)
 
@@ -108,12 +106,10 @@ def _averages(surface: Surface) -> csr_array:
 @dataclass(frozen=True, eq=False)
 class RepairedSkin:
     """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
-
     found   : number of pairs before the repair.
     crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
-    union   : the replacement of the skin if the sheet crosses itself; `pairs` are then those of the union.
-    V       : (n, 3) vertices of the sheet, moved at small folds.
-    """
+    union   : replaces the skin if the sheet crosses itself; `pairs` then refers to the union.
+    V       : (n, 3) vertices of the sheet, moved at small folds."""
 
     V: Floats
     D: Floats
@@ -126,8 +122,8 @@ class RepairedSkin:
 
 def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> RepairedSkin:
     """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
-    Thinning does not help a sheet that crosses itself: it is cut into patches, whose solids are united.
-    among : faces of the skin that may intersect, with these offsets and any diagonals; default all."""
+    Thinning does not help a sheet that crosses itself: it is cut into patches, and their solids are united.
+    among : mask of the skin's faces that may intersect, with these offsets and any diagonals; default: all."""
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
     pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash), among)
@@ -139,9 +135,8 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
     crosses, folded = len(sheet.crossing), sheet.V is not V
     if folded:
         V, surface = sheet.V, Surface(sheet.V, surface.F)
-        backslash, pairs = _flip_diagonals(
-            skin, V, D, backslash, intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
-        )
+        pairs = intersecting_pairs(skin.vertices(V, D), skin.faces(backslash))
+        backslash, pairs = _flip_diagonals(skin, V, D, backslash, pairs)
     if crosses:
         D, pairs = _thin_offsets(skin, V, D, backslash, pairs, _away_from(surface, sheet.crossing, D))
         corners = D[surface.F] * np.where(skin.upper < surface.n, 1, -1)[:, :, None]
@@ -157,12 +152,11 @@ def repair_skin(surface: Surface, skin: Skin, D: Floats, among: Bools | None = N
 def _flip_diagonals(
     skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
 ) -> tuple[Bools, Ints]:
-    """Flip the diagonals of the walls in `pairs` that are free of intersections afterwards."""
     if not len(pairs):
         return backslash, pairs
     P = skin.vertices(V, D)
     for round_ in range(3):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbouring walls may block each other
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # flips of two neighbours may spoil each other
         if not len(walls):
             break
         trial = _toggle(backslash, walls)
@@ -177,14 +171,13 @@ def _flip_diagonals(
 
 
 def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
-    """(n,) vertices farther from crossings of the sheet than twice its thickness."""
     reach = 4 * np.linalg.norm(D, axis=1).max()
     return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
 
 
 def _thin_offsets(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Shorten offsets around the pairs until no pair remains or no offset may be shorter; return the best state.
-    free : (n,) vertices that may be shortened."""
+    """Shorten offsets around the pairs until no pair or no permitted shortening remains; return the best state.
+    free : (n,) vertices whose offsets may be shortened."""
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)

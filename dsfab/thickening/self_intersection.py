@@ -1,9 +1,8 @@
 """Exact test for triangles of a mesh that meet outside their shared vertices and edges.
 
 libigl decides with exact predicates [Shewchuk 1997] for triangles without a common vertex. For neighbours it uses
-tolerances in absolute units, so this module decides these. Measured with libigl 2.6.3 against CGAL: 58 pairs reported
-on a tube without any, 41 of 71 missed on meshes of 1e-6 m; CGAL and this module agree on all of them.
-"""
+tolerances in absolute units, so this module decides about neighbours. Measured with libigl 2.6.3 against CGAL: libigl
+reported 58 pairs on a tube without any, and missed 41 of 71 on meshes of 1e-6 m; CGAL and this module always agree."""
 
 import igl.predicates
 import numpy as np
@@ -13,12 +12,10 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
 
 def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
-    """(k, 2) pairs of faces, in ascending order, that meet outside their shared corners and edges.
-
-    V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting. Unlike in CGAL, two vertices at
-        one
-    place and the neighbours of a face without area count as meeting too.
-    among : (m,) the faces to test, if all other faces certainly meet no face (see `proven_cells`)."""
+    """Return the pairs of faces (k, 2), in ascending order, that meet outside their shared corners and edges.
+    V : (n, 3) vertices in any unit, F : (m, 3) faces of an oriented manifold. Faces that touch count as meeting.
+        Unlike in CGAL, two vertices at one place and the neighbours of a face without area count as meeting, too.
+    among : (m,) the faces to test, if all remaining faces certainly meet no face (see `proven_cells`)."""
     if among is not None and not among.all():
         which = np.flatnonzero(among)
         used, corner = np.unique(F[which], return_inverse=True)
@@ -34,8 +31,8 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """`intersecting_pairs` of V (n, 3) and F (m, 3) after some vertices `moved` (n,), from the pairs `before` (k, 2).
-    Only faces around moved vertices, and faces near them, are tested."""
+    """Return `intersecting_pairs` of V (n, 3) and F (m, 3) after vertices `moved` (n,), from the earlier pairs (k, 2).
+    The test covers only faces around moved vertices, and faces near these."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
@@ -72,8 +69,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """True if the plane halfway between two corners surely separates them: a fast test that decides nearly all
-    pairs."""
+    """Return True if the plane halfway between two corners surely separates them: this decides nearly all pairs."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
@@ -83,7 +79,7 @@ def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j:
 
 
 def _corners_meet(V: Floats, s: Ints, first_edge: tuple[Ints, Ints], second_edge: tuple[Ints, Ints]) -> Bools:
-    """True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
+    """Return True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
     They meet if the edge ab meets the second triangle, or cd the first; in a common plane, if their angles overlap."""
     S, A, B, C, D = V[s], V[first_edge[0]], V[first_edge[1]], V[second_edge[0]], V[second_edge[1]]
     a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
@@ -107,7 +103,7 @@ def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Boo
 
 
 def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
-    """True if the angles a s b and c s d of one plane have more than s in common."""
+    """Return True if the angles a s b and c s d in one plane share more than the point s."""
     axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
     first_turned, second_turned = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
     A, B = np.where(first_turned[:, None], B, A), np.where(first_turned[:, None], A, B)
@@ -142,7 +138,7 @@ def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """(k,) exact sign of the area of triangles, projected along a coordinate axis; signs on one axis are comparable.
+    """Return the exact sign of the area of triangles (k,), projected along a coordinate axis.
     A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign."""
     keep = 1.0 - np.eye(3)[axis]
     return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])

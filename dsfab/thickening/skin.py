@@ -12,27 +12,27 @@ from dsfab.surface.orientation import corner_sides
 
 
 def round_to_single(V: Floats) -> Floats:
-    """Round V (n, 3), metres, to single precision in millimetres, so that STL and 3MF do not change it."""
+    """Round V (n, 3), metres, to single precision in millimetres, so that STL and 3MF do not change V."""
     single: Floats = (V * MM_PER_M).astype(np.float32).astype(np.float64) / MM_PER_M
     return single
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """True if rounding moves vertices around V (n, 3) by less than 1e-3 of half the thickness |D| (n, 3)."""
+    """Return True if rounding moves vertices near V (n, 3) by less than 1e-3 of half the thickness |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Largest move of skins V + 2 D, both (n, 3), by `round_to_single`, metres: half a step in each coordinate."""
+    """Return the largest move (m) of skins V + 2 D, both (n, 3), by `round_to_single`: half a step per coordinate."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
-    tolerance : in the unit of V, for each collapse; the sum may move 1.5 to 3 times as far.
-    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it."""
+    tolerance : limit for each collapse in the unit of V; all collapses together may move points 1.5 to 3 times as far.
+    Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d
 
     solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
@@ -40,12 +40,12 @@ def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     mesh = simple.to_mesh64()
     faces = np.asarray(mesh.tri_verts, dtype=np.int64)
     if simple.status() != manifold3d.Error.NoError or not len(faces):
-        raise SolidError(f"manifold3d does not simplify a solid of {len(F)} triangles ({simple.status().name})")
+        raise SolidError(f"manifold3d cannot simplify a solid of {len(F)} triangles ({simple.status().name})")
     return np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces
 
 
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet.
+    """Return vertices (2 n, 3), metres, and triangles (k, 3) of the closed mesh around a manifold sheet.
     D : (n, 3) half-thickness vectors. shift : as in `Skin`. The function does not test whether the mesh crosses itself.
     """
     skin = Skin.from_surface(surface, shift)
@@ -57,16 +57,15 @@ class Skin:
     """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.
 
     Vertex i has the copies i, on the upper side of the first face around it, and n + i on the other side.
-    upper : (m, 3) copies of the corners on the side of each face, lower : (m, 3) those on its other side.
-    p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its other side.
+    upper : (m, 3) copies of the corners on the side of each face, lower : (m, 3) copies on its back.
+    p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its back.
     rim   : (r,) the faces of the boundary edges.
     shift : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
     single : True if `round_to_single` rounds the vertices.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
-          p- --- q-        lower skin        seen from outside, p to the right of q
-    """
+          p- --- q-        lower skin        seen from outside, p to the right of q"""
 
     n: int
     upper: Ints
@@ -88,19 +87,19 @@ class Skin:
         return cls(n, copies[0], copies[1], *ends, np.flatnonzero(rim) // 3, shift, single)
 
     def vertices(self, V: Floats, D: Floats) -> Floats:
-        """(2 n, 3) the copies on the side that D points to, then the copies on the opposite side."""
+        """Return the vertices (2 n, 3): first all copies on the side of D, then all copies on the opposite side."""
         copies = np.concatenate([V + (self.shift + 1) * D, V + (self.shift - 1) * D])
         return round_to_single(copies) if self.single else copies
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """(r,) True if p+ q- is the shorter diagonal of a wall; a tie, up to rounding, is False."""
+        """Return True for each wall (r,) whose diagonal p+ q- is the shorter one; False for a tie, up to rounding."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
         shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
-        """(2 m + 2 r, 3) upper faces, lower faces, first and second triangle of the walls, all facing outward."""
+        """Return (2 m + 2 r, 3) upper faces, lower faces, first and second triangles of walls, all facing outward."""
         (p, below_p), (q, below_q) = self.p, self.q
         across = backslash[:, None]
         first_triangle = np.where(across, np.stack([q, p, below_q], axis=1), np.stack([q, p, below_p], axis=1))
@@ -108,11 +107,11 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], first_triangle, second])
 
     def walls(self, faces: Ints) -> Ints:
-        """(k,) the walls that contain faces (f,) of the solid, each wall once."""
+        """Return the walls (k,) that contain faces (f,) of the solid, each wall once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """(2 m + 2 r,) the face of the sheet under or beside each face of the solid."""
+        """Return the face of the sheet (2 m + 2 r,) under or beside each face of the solid."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-
 Place = tuple[float, float, float]
 
 
@@ -33,17 +32,16 @@ Place = tuple[float, float, float]
 class Repairs:
     """Numbers of the repair of a solid.
 
-    rung     : the strongest method: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a sheet that
-               crosses itself).
-    found    : pairs of faces that intersected before.
-    thinned  : vertices of the sheet thinned because it met itself, `thinnest` the smallest remaining share of the
-               thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
+    rung     : strongest method of the repair: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
+               sheet that crosses itself).
+    found    : pairs of faces that intersected before the repair.
+    thinned  : vertices where the sheet was thinned because it met itself, `thinnest` the smallest remaining share of
+               the thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
     crossings : number of lines along which the sheet crosses itself and its parts were fused.
     moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
-    lost     : share of the sheet's volume that thinning took.
-    limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
-    """
+    lost     : share of the sheet's volume that thinning removed.
+    limited  : vertices of the uncut surface made thinner because it bends too sharply there, down to `smallest`."""
 
     rung: Literal["none", "flipped", "thinned", "united"] = "none"
     found: int = 0
@@ -80,8 +78,8 @@ def repair_report(
         moved, largest_move = int((away > 0).sum()), float(away.max())
         report = replace(report, rung=report.rung if thin else "thinned", moved=moved, moved_by=largest_move)
         notes.append(
-            f"the sheet was folded over itself in places smaller than its thickness; {moved} of its vertices were "
-            f"moved, at most by {largest_move:.3g} m near {_place(surface.V[away.argmax()])}"
+            f"the sheet had folds smaller than its thickness; {moved} of its vertices were moved, at most by "
+            f"{largest_move:.3g} m near {_place(surface.V[away.argmax()])}"
         )
     if repair.union:
         report = replace(report, rung="united", crossings=repair.union.places)
@@ -116,9 +114,9 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
 
 def _cause(repair: RepairedSkin) -> str:
     if repair.union:
-        return "rounding where parts are fused; programs that slice it for printing take such contacts"
+        return "the cause is rounding where parts are fused; slicers for printing accept such contacts"
     if repair.crosses:
-        return f"the surface itself crosses itself, in {repair.crosses} pairs of faces"
+        return f"the surface crosses itself in {repair.crosses} pairs of faces"
     return "parts of the surface are closer together than the sheet is thick"
 
 
@@ -132,7 +130,7 @@ def _triple(point: Floats) -> Place:
 
 
 VOLUME_TOLERANCE = 1e-9
-"""Largest difference of our volume from manifold3d's, as a share of area times size, because of rounding."""
+"""Largest difference of the volumes by dsfab and by manifold3d, over area times size, because of rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,9 +139,9 @@ class Solid:
 
     V      : (n, 3) vertices, metres.
     F      : (m, 3) faces, counter-clockwise seen from outside.
-    genus  : handles of its boundary, summed over all its closed boundary surfaces.
-    pieces : connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
-    notes  : sentences on changes that made it buildable, and on remaining faults.
+    genus  : number of handles of its boundary, summed over all its closed boundary surfaces.
+    pieces : number of connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
+    notes  : sentences on changes that made the solid buildable, and on remaining faults.
     repairs : these changes and faults in numbers."""
 
     V: Floats
@@ -158,28 +156,28 @@ class Solid:
         lock(self, "F", np.int64, (None, 3))
 
     def to_trimesh(self) -> "trimesh.Trimesh":
-        """The mesh as a trimesh, metres."""
+        """Return the mesh for trimesh, metres."""
         return as_trimesh(self.V, self.F)
 
     def to_pyvista(self) -> "pyvista.PolyData":
-        """The mesh as a pyvista mesh, metres."""
+        """Return the mesh for pyvista, metres."""
         return as_pyvista(self.V, self.F)
 
     def to_compas(self) -> "compas.datastructures.Mesh":
-        """The mesh as a COMPAS mesh, metres; raises SurfaceError if compas is not installed."""
+        """Return the mesh for COMPAS, metres; raises SurfaceError if compas is not installed."""
         return as_compas(self.V, self.F)
 
     def to_manifold(self) -> "manifold3d.Manifold":
-        """The mesh as a manifold3d solid for Boolean operations, metres; raises SolidError if manifold3d rejects it."""
+        """Return the solid for Boolean operations of manifold3d, metres; raises SolidError if manifold3d rejects it."""
         import manifold3d
 
         solid = manifold3d.Manifold(manifold3d.Mesh64(np.array(self.V), np.array(self.F, dtype=np.uint64)))
         if solid.status() != manifold3d.Error.NoError:
-            raise SolidError(f"manifold3d does not take the solid: {solid.status().name}")
+            raise SolidError(f"manifold3d rejects the solid: {solid.status().name}")
         return solid
 
     def to_build123d(self) -> "build123d.Shape":
-        """The mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
+        """Return the mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
         from dsfab.design.output import to_build123d
 
         return to_build123d(self)
@@ -196,7 +194,7 @@ class Solid:
 
     @cached_property
     def box(self) -> Floats:
-        """(2, 3) lowest and highest corner of the bounding box, metres."""
+        """Lowest and highest corner (2, 3) of the bounding box, metres."""
         corners: Floats = read_only_copy([self.V.min(axis=0), self.V.max(axis=0)], np.float64, (2, 3))
         return corners
 
@@ -204,22 +202,20 @@ class Solid:
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
     """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or have one
-              side only (a Moebius strip, whose two skins are one).
+    surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or be one-sided
+              (a Moebius strip, whose two skins are one).
     D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer, not normalised again. If faces
               disagree about their side, each vector is on the side of the first face around its vertex.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
-    Walls get their shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins locally,
-    down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs` report
-    the
-    changes and the remaining intersections. The test uses vertices rounded to single precision in millimetres, as in
-    STL files. It uses exact vertices for flat sheets, and far from the origin, where rounding would show. The solid
-    itself
-    stays exact if it passes the same test: then triangles of one plane are one face of a STEP file.
-    Raises SolidError for other sheets, for missing vectors, and when manifold3d rejects the result.
-    """
+    Each wall gets its shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins
+    locally, down to 0.3 of D. If the sheet crosses itself, repair unites parts of it that do not. `notes` and `repairs`
+    report the changes and the remaining intersections. The test uses vertices rounded to single precision in
+    millimetres, as in STL files. For flat sheets, and far from the origin, where rounding would be visible, it uses
+    exact vertices. The solid itself stays exact if it passes the same test: then triangles of one plane are one face of
+    a STEP file.
+    Raises SolidError for other sheets, for missing vectors, and if manifold3d rejects the result."""
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
@@ -241,20 +237,14 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
         V = _vertices(skin, repair, F, None if changed else among)
         count, shells = _pieces_and_shells(surface, F)
     repairs, notes = repair_report(surface, D, repair, V, F)
-    solid = Solid(
-        V=V,
-        F=F,
-        genus=shells - _euler_characteristic(F) // 2,
-        pieces=count,
-        notes=(*notes, *rounding_notes(V, F)),
-        repairs=repairs,
-    )
+    genus = shells - _euler_characteristic(F) // 2
+    solid = Solid(V, F, genus, count, (*notes, *rounding_notes(V, F)), repairs)
     check_solid(solid)
     return solid
 
 
 def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) -> Floats:
-    """Vertices of the repaired solid: exact if these do not intersect more than the rounded vertices."""
+    """Return the vertices of the repaired solid: exact if they cause no more intersections than rounded vertices."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -264,8 +254,8 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 def check_solid(solid: Solid) -> None:
     """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
-    The check reads manifold3d's status, because a bad mesh turns empty without an error. It does not test
-    intersections."""
+    manifold3d turns a bad mesh empty without an error, so the check reads its status. It does not test intersections.
+    """
     import manifold3d
 
     mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # read-only arrays fail
@@ -278,18 +268,17 @@ def check_solid(solid: Solid) -> None:
         )
     if not solid.volume > 0:
         raise SolidError(
-            f"the solid has no inside, its volume is {solid.volume:.3g} m3; make the sheet thinner or smoother"
+            f"the volume of the solid is {solid.volume:.3g} m3, not positive; make the sheet thinner or smoother"
         )
     size = float(np.linalg.norm(np.ptp(solid.box, axis=0)))
     if abs(judged.volume() - solid.volume) > VOLUME_TOLERANCE * solid.area * size:
         raise SolidError(
             f"the solid's volume is {solid.volume:.9g} m3, manifold3d measures {judged.volume():.9g} m3; "
-            "the sheet has details below the precision of coordinates, coarsen it"
+            "the sheet has details below the precision of coordinates; use a coarser mesh"
         )
 
 
 def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
-    """The sheet without unused vertices, and its offset vectors; raises SolidError for bad vectors."""
     D = np.asarray(D, dtype=np.float64)
     if D.shape != surface.V.shape:
         raise SolidError(f"offset vectors have shape {D.shape}; give one per vertex of the sheet: {surface.V.shape}")
@@ -304,7 +293,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
 
 
 def _euler_characteristic(F: Ints) -> int:
-    """Vertices - edges + faces of a closed mesh; every edge has two faces, which `check_solid` checks."""
+    """Return vertices - edges + faces of a closed mesh, in which every edge has two faces (see `check_solid`)."""
     return int(np.count_nonzero(np.bincount(F.ravel()))) - len(F) // 2
 
 
@@ -324,7 +313,7 @@ def _check_upward(surface: Surface, skin: Skin, D: Floats) -> None:
 
 
 def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
-    """Pieces of the sheet, and closed boundary surfaces of its solid F: a closed piece with two sides has two."""
+    """Return the number of pieces of the sheet, and of closed boundary surfaces of its solid F."""
     count, label = surface.pieces
     if len(misoriented_edges(surface.F, surface.edges)):
         return count, pieces(F, edge_table(F))[0]

@@ -1,4 +1,4 @@
-"""Union of patches of a sheet that crosses itself: each patch is thickened alone and overlaps its neighbours."""
+"""Union of patches of a sheet that crosses itself; each patch is thickened alone and overlaps its neighbours."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -16,12 +16,13 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsen_mesh, round_to_single
 
 INWARD = 0.005
-"""Move of seam vertices of a patch, and of the ends of its neighbour, as a share of the way to adjacent vertices."""
+"""Move of vertices on the seam of a patch and at its neighbour's ends, as a share of the way to adjacent vertices."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part: its faces (m,), with those of its neighbours, its vertices (n, 3), and the share (n,) of the offsets."""
+    """A part of the sheet: its faces (m,) with adjacent faces of its neighbours, the sheet's vertices (n, 3), and the
+    share of the offset at each vertex (n,)."""
 
     faces: Bools
     V: Floats
@@ -30,9 +31,9 @@ class Overlap:
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
     """Return the parts of each colour (m,); lower colours extend into higher colours, unless they would meet.
-    clashes : (k, 2) faces of the sheet whose prisms meet.
-    Near a seam parts are thinner, by 1 % one vertex away and 2 % on the seam, and half as much again for every colour.
-    """
+    clashes : (k, 2) pairs of faces of the sheet whose prisms meet.
+    Near a seam, parts are thinner by 1 % at the next vertices and 2 % on the seam, half as much more for each
+    colour."""
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -58,7 +59,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """(m,) the faces of higher colours with a vertex of colour c, without faces that meet another face of the part."""
+    """Return the faces (m,) of higher colours at vertices of colour c that meet no other face of the part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -67,7 +68,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clas
 
 
 def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_vertices: Bools) -> Floats:
-    """All vertices; vertices `beyond` are moved by 45 % along their shortest edge to a vertex of the patch."""
+    """Return all vertices (n, 3), with vertices `beyond` moved by 45 % along their shortest edge to the patch."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own_vertices[j]
     i, j = i[used], j[used]
@@ -75,11 +76,11 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
     moved, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[moved] += 0.45 * (surface.V[j[order][nearest]] - V[moved])
-    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # skins must not meet edge on edge
+    return _move_towards(V, neighbours, beyond, own_vertices, INWARD)  # no edge of a skin may lie on another edge
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """V with the marked vertices moved a share of the way to the mean of their neighbours in `towards`, if any."""
+    """Return V (n, 3) with marked vertices moved a share of the way to the mean of neighbours in `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -88,16 +89,15 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
 
 
 THIN = 0.8
-"""Factor for offsets at faces that meet, per round."""
-
+"""Factor on the offsets at faces that meet, in each round."""
 THINNEST = 0.3
 """Least share of the input offset after thinning."""
 
 
 @dataclass(frozen=True, eq=False)
 class PrismUnion:
-    """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
-    share  : (n',) of the input offset that remains at each vertex of the sheet.
+    """A closed mesh V (n, 3), F (m, 3), the pairs of its faces that still intersect (k, 2), and its number of pieces.
+    share  : (n',) remaining share of the input offset at each vertex of the sheet.
     places : number of separate lines along which the sheet crosses itself."""
 
     V: Floats
@@ -110,12 +110,9 @@ class PrismUnion:
 
 def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> PrismUnion | None:
     """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
-
-    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each.
-    Returns None if it would take too many patches, or if manifold3d rejects a part.
-
-    A cut cannot separate faces that meet at a common vertex. There the sheet bends too tightly and becomes thinner.
-    """
+    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each face.
+    Returns None if it would need too many patches, or if manifold3d rejects a part.
+    A cut cannot separate faces that meet at a common vertex. There the sheet bends too sharply and becomes thinner."""
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     meeting = skin.sources()[pairs]
@@ -124,9 +121,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
     for round_ in range(30):
         inseparable = _stuck(meeting, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(meeting[~inseparable], axis=1)]), axis=0)
-        thin = (
-            np.unique(surface.F[meeting[inseparable]]) if round_ else np.empty(0, dtype=np.int64)
-        )  # round 0 thins nothing
+        thin = np.unique(surface.F[meeting[inseparable & bool(round_)]])  # round 0 thins no vertex
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _cut_patches(label, clashes, graph)
@@ -146,7 +141,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
+    """Return the union, with short edges collapsed so that the fewest pairs intersect, and these pairs.
     Where two surfaces cross near a vertex, points on their line are closer together than single precision resolves."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
@@ -173,7 +168,6 @@ def _dual(surface: Surface) -> csr_array:
 
 
 def _stuck(face_pairs: Ints, around: Bools, label: Ints) -> Bools:
-    """(k,) mask of pairs of faces of one patch around a common vertex, which no cut separates."""
     return np.asarray(around & (label[face_pairs[:, 0]] == label[face_pairs[:, 1]]))
 
 
@@ -182,8 +176,7 @@ def _touching(F: Ints) -> Bools:
 
 
 def _cut_patches(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
-    """Patches (m,) cut halfway between faces that clash until no patch contains both; None beyond `patch_limit`
-    patches."""
+    """Return patches (m,), cut halfway between clashing faces until none contains both; None beyond `patch_limit`."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -214,7 +207,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, (k,) of those at a vertex."""
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, True for those at a vertex
+    (k,)."""
 
     V: Floats
     F: Ints
@@ -223,7 +217,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """The closed mesh over the faces of a part; if patches touch in a vertex, each patch gets a copy of it."""
+    """Return the closed mesh over the faces of a part; where patches touch in a vertex, each gets a copy of it."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first_corner = np.unique(F.ravel(), return_index=True)
@@ -254,7 +248,6 @@ def _outer_shells(V: Floats, F: Ints) -> int:
 
 
 def _crossing_count(surface: Surface, clashes: Ints, graph: csr_array) -> int:
-    """Number of clusters of the faces that clash, connected over neighbours and across the crossings."""
     involved = np.unique(clashes)
     i, j = np.searchsorted(involved, clashes).T
     across = csr_array((np.ones(len(i)), (i, j)), shape=(len(involved),) * 2)

@@ -1,4 +1,4 @@
-"""Thinnest wall of a solid, along lines from its faces inward, square to them."""
+"""Thinnest wall of a solid, along straight lines from its faces inwards, at right angles to the faces."""
 
 from dataclasses import dataclass
 
@@ -12,19 +12,18 @@ from dsfab.surface import edge_table
 from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02
-"""Lines start this share of the way from a corner to the centre of a face, because tapering walls are thinnest at
-corners."""
+"""Lines start at this share of the way from a corner to the face's centre: tapering walls are thinnest at corners."""
 OPPOSED = float(np.cos(np.radians(20)))
-"""Faces are opposite if they are parallel to 20 degrees, because at an edge the thickness would be zero."""
+"""Faces are opposite if the angle between them is below 20 degrees, because at an edge the thickness would be zero."""
 LARGE = 1e6
 """Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area, in any unit."""
 FLAT = float(np.cos(1e-3))
-"""Neighbours that are parallel to a thousandth of a radian are one flat facet."""
+"""Neighbours that are parallel to a thousandth of a radian form one flat facet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """The thinnest wall: metres, and its place (3,)."""
+    """The thinnest wall: its thickness (m), and its place (3,)."""
 
     thickness: float
     place: Floats
@@ -34,7 +33,7 @@ class Wall:
 
 
 class Rays:
-    """Straight lines against the triangles V (n, 3), F (m, 3)."""
+    """Intersections of straight lines with the triangles V (n, 3), F (m, 3)."""
 
     def __init__(self, V: Floats, F: Ints) -> None:
         self._middle = V.mean(axis=0)
@@ -44,8 +43,8 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """(k,) the first face hit from `start` (k, 3), lifted a little, along unit vectors (k, 3), or -1."""
-        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # start under the face
+        """Return the first face (k,) on lines from points (k, 3), moved inwards, along unit vectors (k, 3), or -1."""
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
 
@@ -61,7 +60,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Row of the pair of faces (k,) with the least `size` whose facets do not meet in a point, or None."""
+        """Return the row of the pair of faces (k,) with the least `size` whose facets have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -79,11 +78,9 @@ class Facets:
 
 def thinnest_wall(solid: Solid) -> Wall | None:
     """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
-
     The thickness is the distance of a line's start from the plane of the face that it hits. This is exact between flat
-    faces. Facets that meet in a point make a tip, which tapers to nothing and is not a wall. For example, a sheet that
-    crosses itself has tips where its parts are fused.
-    """
+    faces. Facets that meet in a point form a tip, which tapers to nothing and is not a wall. For example, a sheet that
+    crosses itself has tips where its parts are fused."""
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
     corner = np.arange(len(V))[face >= 0]
@@ -92,7 +89,7 @@ def thinnest_wall(solid: Solid) -> Wall | None:
     start = (1 - INSIDE) * V[corner] + INSIDE * V[F[face]].mean(axis=1)
     hit = Rays(V, F).first_hits(start, -N[face])
     opposed = (hit >= 0) & (-np.einsum("ki,ki->k", N[face], N[hit]) > OPPOSED)
-    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # libigl's own distance has six digits
+    depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])  # because libigl's own distance has only six digits
     thickness = np.where(opposed, depth, np.inf)
     k = Facets(F, N).nearest_separate_pair(thickness, face, hit)
     return None if k is None else Wall(float(thickness[k]), V[corner[k]])
@@ -104,7 +101,7 @@ def _normals(V: Floats, F: Ints) -> Floats:
 
 
 def _largest_faces(V: Floats, F: Ints) -> Ints:
-    """(n,) the largest face at each vertex, mostly of a skin, -1 without faces."""
+    """Return the largest face (n,) at each vertex, mostly a face of a skin; -1 without faces."""
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)

@@ -306,7 +306,7 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
         (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
         (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
-        (["build", "figurine"], "preset figurine needs a mesh of yours: add --mesh FILE"),
+        (["build", "figurine"], "preset figurine needs your mesh: add --mesh FILE"),
         (["build", "dome", "--format", "steep"], "did you mean step?"),
         (["build", "dome", "--format", "dwg"], "dsfab export does not write 'dwg'; write dxf"),
         (["build", DOME_MODES, "--set", "pattern.major.mode=40", *QUICK], "pattern.major.mode = 40"),
@@ -457,7 +457,7 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
 def test_a_preset_that_waits_for_a_mesh_says_so(capsys, tmp_path, monkeypatch, words):
     monkeypatch.chdir(tmp_path)
     said = refused(capsys, *words)
-    assert said.endswith("preset roof needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres")
+    assert said.endswith("preset roof needs your mesh: add --mesh FILE, and --unit mm if the file is in millimetres")
     assert not list(tmp_path.iterdir())
 
 

@@ -196,8 +196,8 @@ def test_points_are_feet_in_the_unit_of_the_model():
     ("values", "told"),
     [
         ([], "mesh: nothing is connected"),
-        ([sent("mesh", "Rhino.Geometry.Mesh", "{}")], "mesh: the geometry that was sent is not readable"),
-        ([sent("mesh", "Rhino.Geometry.Curve", polyline_json(np.eye(3)))], "mesh: a mesh is wanted, not"),
+        ([sent("mesh", "Rhino.Geometry.Mesh", "{}")], "mesh: the text is not Rhino's JSON of a geometry"),
+        ([sent("mesh", "Rhino.Geometry.Curve", polyline_json(np.eye(3)))], "mesh: the geometry is a"),
         ([vault(), sent("snow", "System.Double", '"much"')], "snow: '\"much\"' is not a number"),
         ([vault(), sent("snow", "System.Double", "NaN")], "snow: 'NaN' is not a number"),
         ([vault(), sent("snow", "System.Double", "1", "2")], "snow: 2 values are connected; connect a single value"),

@@ -184,7 +184,7 @@ def test_it_says_what_it_is_in_five_lines(whole: Design) -> None:
     assert len(lines) == 5
     assert lines[0].startswith(f"Design {whole.preset.name}")
     assert f"{whole.solid.volume:.4g} m3" in lines[4]
-    assert "run on first access" in repr(Design.from_preset(whole.preset))
+    assert "on first access" in repr(Design.from_preset(whole.preset))
     assert max(map(len, lines)) < 160
 
 

@@ -206,7 +206,7 @@ def test_a_load_on_removed_material_is_told():
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
-        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9 but only diffusion\.modes = 8"),
+        ({"pattern.major.mode": 9}, r"pattern\.major\.mode = 9, but only diffusion\.modes = 8"),
         ({"pattern.major.threshold": 1.0, "pattern.minor.threshold": 1.0, "pattern.keep": 0.0}, "leaves no material"),
         ({"surface.support.0.hold": "z"}, "can move along"),
         ({"surface.support": []}, "no support"),
@@ -214,8 +214,8 @@ def test_a_load_on_removed_material_is_told():
         ({"surface.support.0.at": {"pick": "ball", "center": [0, 0, 90], "radius": 1}}, "picks no vertex"),
         ({"statics.density": 0.0}, "self_weight"),
         ({"surface": TORUS, "statics.thickness": 2.0, "thickening.thinnest": 0.9}, r"bends so sharply at \(.* m that"),
-        ({"statics.thickness": 60.0}, r"17\.. m large and the sheet 60 m thick: that is no sheet"),
-        ({"statics.thickness": 6e-5}, "that is no sheet; check surface.unit"),
+        ({"statics.thickness": 60.0}, r"17\.. m large and the sheet 60 m thick, which is impossible"),
+        ({"statics.thickness": 6e-5}, "which is impossible; check surface.unit"),
         ({"surface.edge": 1e-4}, "edge"),
     ],
 )

@@ -86,7 +86,7 @@ def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     assert np.array_equal(found.phases[1].value, expected.phases[1].value)
     assert not np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value)
     assert np.array_equal(found.forces, expected.forces)  # what graded widths follow
-    told = [note.text for note in made.notes if note.text.startswith("directions were sought with")]
+    told = [note.text for note in made.notes if note.text.startswith("directions follow")]
     assert len(told) == 1
     assert f"{share @ vault.surface.areas / vault.surface.area:.0%} of the uncut sheet's weight" in told[0]
 
@@ -106,7 +106,7 @@ def test_without_weight_a_round_changes_nothing_and_says_so(vault):
     assert any("weight_rounds = 2 changes nothing: no load is the sheet's own weight" in one.text for one in made.notes)
 
 
-@pytest.mark.parametrize(("after", "told"), [(0, "again"), (1, "twice")])
+@pytest.mark.parametrize(("after", "told"), [(0, "a second time"), (1, "a third time")])
 def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monkeypatch, after, told):
     shares = iter([np.full(vault.surface.m, 0.5)] * after)
 
@@ -119,7 +119,7 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
     monkeypatch.setattr(pattern_stage, "drawn_share", refused)
     log = Log(None)
     found = pattern_stage.stripes_under_own_weight(vault.preset.with_pattern(weight_rounds=2), vault.analysis, log)
-    assert f"directions were not sought {told}: too wide" in [note.text for note in log.notes]
+    assert f"directions were not computed {told}: too wide" in [note.text for note in log.notes]
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
 

@@ -115,7 +115,7 @@ def test_sectors_of_a_dome_keep_the_same_area(turns, tolerance):
     changes = DOME | {"diffusion.symmetry": [f"rot:{turns}:z"], "diffusion.modes": 3, "pattern.minor.mode": 2}
     design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     assert np.abs(shares(design, turns) - 1).max() < tolerance
-    assert f"modes are the same at {turns} images (rot:{turns}:z)" in " ".join(note.text for note in design.notes)
+    assert f"modes are symmetric (rot:{turns}:z, {turns} images)" in " ".join(note.text for note in design.notes)
 
 
 def test_a_bridge_is_the_same_left_and_right():

@@ -19,7 +19,7 @@ COMMANDS = {
     "is empty": "build empty.obj",
     "and no faces": "build points.obj",
     "would move": "build dome --set statics.young=1e7",
-    "that is no sheet": "build dome --set statics.thickness=60",
+    "which is impossible": "build dome --set statics.thickness=60",
     "touch no support": "build two.obj",
     "would give about": "build dome --set surface.edge=0.001",
     "not found": "build domme",

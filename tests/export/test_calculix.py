@@ -182,11 +182,11 @@ def test_the_same_model_gives_the_same_bytes_and_an_older_file_is_replaced(tmp_p
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"steps": {}}, "needs a load step and a support"),
-        ({"supports": {}}, "needs a load step and a support"),
+        ({"steps": {}}, "has no load step or no support"),
+        ({"supports": {}}, "has no load step or no support"),
         ({"young": float("nan")}, "numbers that are not finite"),
         ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles name nodes"),
-        ({"supports": {"my support": np.ones((len(strip().nodes), 3), dtype=bool)}}, "no name for a node set"),
+        ({"supports": {"my support": np.ones((len(strip().nodes), 3), dtype=bool)}}, "is impossible for a node set"),
         ({"nodes": np.random.default_rng(0).normal(size=strip().nodes.shape)}, "plane z = 0"),
     ],
 )

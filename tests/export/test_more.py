@@ -111,7 +111,7 @@ def test_the_history_of_an_archive_is_found_wherever_it_is_and_its_checksum_is_r
     changed = found[at : at + len(body)]
     assert found[at + len(body) :][:4] == zlib.crc32(changed).to_bytes(4, "little")
     assert changed == body.replace(bytes(range(32)), struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0))
-    with pytest.raises(ExportError, match="in another way than dsfab knows"):
+    with pytest.raises(ExportError, match="a layout that dsfab does not know"):
         without_times(archive[:60])
 
 
@@ -191,7 +191,7 @@ def test_vtk_finds_every_field_on_the_uncut_surface_in_metres(which, request, tm
 
 
 def test_a_field_that_fits_neither_vertices_nor_faces_is_refused(tmp_path):
-    with pytest.raises(ExportError, match=r"the field 'u \[m\]' has 7 rows, and 'a' 9 vertices and 8 faces"):
+    with pytest.raises(ExportError, match=r"the field 'u \[m\]' has 7 rows, but 'a' has 9 vertices and 8 faces"):
         write(grid(2, 2, 1, 1), tmp_path / "a.vtu", details=Details(values={"u [m]": np.zeros(7)}))
     form = FORMATS[".vtu"]
     assert form.content == "fields"

@@ -311,7 +311,7 @@ def test_a_plate_with_a_narrow_member_stays_valid(tmp_path, here):
 
 
 def test_an_unknown_way_is_refused(tmp_path):
-    with pytest.raises(ExportError, match="step = 'round' names no way"):
+    with pytest.raises(ExportError, match="step = 'round' is not known"):
         write(thickened(grid(2, 2, 0.1, 0.1)), tmp_path / "a.step", step="round")
 
 

@@ -33,7 +33,7 @@ def test_one_that_is_not_asked_is_gone(tmp_path):
     ("text", "said"),
     [
         ("raise ValueError('no such file')", "ValueError: no such file"),
-        ("", "it printed nothing"),
+        ("", "the program printed nothing"),
         ("exit(3)", "code 3"),
     ],
 )

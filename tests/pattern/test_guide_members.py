@@ -89,18 +89,18 @@ def test_what_lies_beyond_the_surface_does_not_count():
 
 def test_where_it_cannot_that_is_told():
     told = guided(straight(20), straight(-20)).even.steered.told
-    assert "% of the curve of pattern.guide.0 only: another guide, an edge or a point" in told
+    assert "% of the curve of pattern.guide.0, because of another guide, an edge or a point" in told
 
 
 def test_a_curve_across_the_stress_names_the_family_that_runs_there():
     told = guided(straight(80)).even.steered.told
-    assert told.endswith("the minor family runs along it by itself: family = 'minor' bends less")
+    assert told.endswith("the minor family follows this curve by itself: family = 'minor' bends less")
 
 
 def test_mistakes_with_members_are_told_in_a_sentence():
     with pytest.raises(GuideError, match="member is for a curve; remove member"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
-    with pytest.raises(PresetError, match=r"guide\.0 is to be a major member, and families = 'minor' draws none"):
+    with pytest.raises(PresetError, match=r"guide\.0 is a major member, but families = 'minor' has none of them"):
         load_preset("dome", {"pattern.families": "minor", "pattern.guide": [{"curve": straight(0), "member": True}]})
     with pytest.raises(PresetError, match="member"):
         load_preset("dome", {"pattern.guide": [{"curve": straight(0), "member": 3}]})

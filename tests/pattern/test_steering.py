@@ -297,13 +297,13 @@ def drafted(**more):
     ("more", "order", "told"),
     [
         ({}, 4, ""),
-        ({"rotate": 45}, 2, "at 4 images, the pattern at 2 of them: rotate = 45 breaks the rest"),
+        ({"rotate": 45}, 2, "of 4 images, the pattern of 2, because of rotate = 45"),
         ({"rotate": 90}, 4, ""),
-        ({"guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]}, 1, "at 1 of them: guides break the rest"),
+        ({"guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]}, 1, "the pattern of 1, because of guides"),
         (
             {"rotate": 20, "guide": [{"curve": [[2, 1, 3], [3, 2, 2.5]], "reach": 1.5}]},
             1,
-            "at 1 of them: rotate = 20 and guides break the rest",
+            "the pattern of 1, because of rotate = 20 and guides",
         ),
     ],
 )
@@ -368,7 +368,7 @@ def test_a_surface_with_one_side_turns_by_quarters_only():
         if angle == 90:
             assert even_stripes(given.preset, strip, statics).steered is not None
             continue
-        with pytest.raises(PatternError, match=r"pattern\.rotate = 45: .* one side only"):
+        with pytest.raises(PatternError, match=r"pattern\.rotate = 45: a one-sided surface"):
             even_stripes(given.preset, strip, statics)
 
 
@@ -549,7 +549,7 @@ def test_widths_follow_the_stress_along_the_stripes():
 def test_auto_leaves_modes_out_where_they_cannot_follow():
     for more in ({"rotate": 45}, {"families": "minor"}):
         made = drafted(method="auto", width={"rule": "plain"}, **more)
-        note = next(note.text for note in made.notes if note.text.startswith("method auto took"))
+        note = next(note.text for note in made.notes if note.text.startswith("method auto chose"))
         assert ("modes" in note) == ("rotate" not in more)
         assert ("halved" in note) == ("rotate" in more)
 

@@ -350,13 +350,13 @@ def test_the_nearest_share_is_delivered_with_a_note(wanted, nearest):
     design = draft(with_overrides(preset, {"pattern.width.solid_fraction": wanted}))
     share = design.sheet.surface.area / design.surface.area
     assert share == pytest.approx(nearest, abs=1e-4)
-    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest: the share jumps there" in note.text]
+    assert [note.text for note in design.notes if f"{nearest:.2%} is the nearest, because the share jumps" in note.text]
 
 
 def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
     preset = dsfab.load_preset("cantilever", JUMPING)
     with pytest.raises(
-        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow more with .*_tolerance"
+        PatternError, match=r"jumps past 31\.1% of the surface \(nearest: 30\.94%\).*allow a larger .*_tolerance"
     ):
         _ = draft(with_overrides(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
 

@@ -214,7 +214,7 @@ def test_a_funnel_hangs_from_its_upper_rim_or_stands_on_a_stem(across):
     proposal = propose(funnel)
     assert any(line.startswith("hangs from  upper rim") for line in proposal.lines)
     text = proposal.text()
-    stem = [line.removeprefix("# ") for line in text.partition("To stand on a stem")[2].splitlines()[1:5]]
+    stem = [line.removeprefix("# ") for line in text.partition("stands on a stem")[2].splitlines()[1:5]]
     support = tomllib.loads("\n".join(stem))["surface"]["support"][0]
     held = Box(support["at"]["min"], support["at"]["max"]).vertices(funnel)
     assert 9 <= held.sum() < 0.1 * funnel.n
@@ -428,7 +428,7 @@ def test_new_in_another_folder_names_the_mesh_from_there(tmp_path, monkeypatch):
         (["new", "nothing.obj"], "does not exist"),
         (["new", "roof.toml"], "is a preset already"),
         (["new", "roof.obj", "-o", "roof.obj"], "does not end in .toml"),
-        (["new", "roof.obj", "--up", "w"], "is no axis; use one of x, y, z, -x, -y, -z"),
+        (["new", "roof.obj", "--up", "w"], "is not an axis; use one of x, y, z, -x, -y, -z"),
         (["new", "roof.obj", "--unit", "miles"], "is not known; use one of mm"),
         (["new", "roof.obj", "--material", "oak"], "is not known"),
         (["new", "nan.obj"], "no face has three finite corners"),

@@ -144,7 +144,7 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
             lambda: preset({"mesh": HYPAR, "side": 1}),
             r"unknown key surface\.side \(known here: .*refine, smooth, edge, finest, finest_at, mesh",
         ),
-        (lambda: preset({"mesh": "AAAA"}), r"surface\.mesh: this is no mesh that dsfab wrote"),
+        (lambda: preset({"mesh": "AAAA"}), r"surface\.mesh: dsfab cannot read this text as a mesh"),
         (
             lambda: preset(HYPAR, supports=[dsfab.Support("rim")]),
             r"support\.0\.at needs pick = \.\.\.: use one of all, box",

@@ -280,9 +280,9 @@ def test_nothing_is_filled_along_a_fold():
 @pytest.mark.parametrize(
     ("radius", "told"),
     [
-        (0.03, r"\d+ corners of openings were rounded with 30 mm, or less for want of room"),
-        (3.0, r"\d+ corners of openings were rounded, half of them with less than \d+ mm for want of room: 3 m .*"),
-        (3000.0, r"no corner of an opening was rounded: none has room for a radius of 3 km \(pattern.fillet\)"),
+        (0.03, r"\d+ corners of openings were rounded with 30 mm, or less for lack of space"),
+        (3.0, r"\d+ corners of openings were rounded, half of them with less than \d+ mm for lack of space .*: 3 m.*"),
+        (3000.0, r"no corner of an opening was rounded: none has space for a radius of 3 km \(pattern.fillet\)"),
     ],
 )
 def test_what_became_of_the_radius_is_told(radius, told):

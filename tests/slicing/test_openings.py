@@ -236,7 +236,7 @@ def test_tips_that_are_filled_leave_no_slits():
     quality = made.quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
     (told,) = [note.text for note in made.notes if "(slicing.min_gap, min_member)" in note.text]
-    assert "4 openings that this left narrower than the members beside were filled" in told
+    assert "4 openings that became narrower than the members beside them were filled" in told
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.45, abs=2e-3)
 
 

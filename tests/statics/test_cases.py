@@ -317,13 +317,16 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
             {"surface.combination": [{"name": "u", "factors": {"ded": 1}}]},
             r"factors\.ded = 1: no .* mean dead\? \(ther",
         ),
-        ({"surface.combination": [{"name": "u", "factors": {}}]}, r"combination\.0\.factors: all are 0 or missing"),
+        (
+            {"surface.combination": [{"name": "u", "factors": {}}]},
+            r"combination\.0\.factors: all factors are 0 or missing",
+        ),
         ({"surface.combination": [{"name": "snow", "factors": {"dead": 1}}]}, r"0\.name = 'snow': a case or combinat"),
         (
             {"surface.combination": [{"name": "combined", "factors": {"dead": 1}}]},
-            r"name = 'combined': this name stand",
+            r"name = 'combined': diffusion\.follow uses",
         ),
-        ({"surface.load.1.case": "combined"}, r"surface\.load\.1\.case = 'combined': this name stands"),
+        ({"surface.load.1.case": "combined"}, r"surface\.load\.1\.case = 'combined': diffusion\.follow uses this name"),
         ({"surface.load.1.case": "big snow"}, r"surface\.load\.1\.case = 'big snow': .*pattern"),
         (
             {"diffusion.weights": {"snw": 1}},
@@ -331,8 +334,8 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         ),
         ({"surface.combination": [WINTER], "diffusion.weights": {"snow": 1}}, r"weights\.snow = 1: no combination has"),
         ({"diffusion.weights": {"snow": -1}}, r"weights\.snow = -1: a weight must be 0 or more"),
-        ({"diffusion.weights": dict.fromkeys(("dead", "snow", "wind", "back"), 0)}, "all are 0, so there is nothing"),
-        ({"diffusion.follow": "dead", "diffusion.weights": {"dead": 1}}, r"they count only with diffusion\.follow ="),
+        ({"diffusion.weights": dict.fromkeys(("dead", "snow", "wind", "back"), 0)}, "all weights are 0"),
+        ({"diffusion.follow": "dead", "diffusion.weights": {"dead": 1}}, r"only diffusion\.follow = .* uses"),
         ({"surface.combination": [{"name": "u", "factor": {}}]}, r"unknown key .*factor; did you mean factors\?"),
     ],
 )

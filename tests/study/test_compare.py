@@ -68,10 +68,10 @@ def test_a_load_far_from_all_material_is_refused_and_so_is_a_sheet_without_suppo
     force = np.zeros((plate.n, 3))
     force[x > 0.99, 1] = 1.0
     left = cut(plate, [x], [[-1.0, 0.55]]).subset()
-    with pytest.raises(StaticsError, match=r"finds no material within 0\.45"):
+    with pytest.raises(StaticsError, match=r"has no material within 0\.45"):
         sheet_load(plate, left, LoadCase(fixed, force, x > 0.99))
     right = cut(plate, [x], [[0.55]]).subset()
-    with pytest.raises(StaticsError, match="no supported vertex is left"):
+    with pytest.raises(StaticsError, match="the cut removed all supported vertices"):
         sheet_load(plate, right, LoadCase(fixed, force, x > 0.99))
 
 
@@ -82,7 +82,7 @@ def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and
     design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern}))
     told = [note.text for note in design.notes if note.stage == "slicing"]
     says = r"load at \[.*\] m \(1e\+03 N\) stands on a piece that reaches no support"
-    assert any(re.search(says + ": nothing carries it; set pattern.rim", text) for text in told)
+    assert any(re.search(says + "; set pattern.rim", text) for text in told)
     assert not any("removed material" in text for text in told)
     with pytest.raises(StaticsError, match=says):
         comparison(design, against=())

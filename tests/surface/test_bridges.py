@@ -169,7 +169,7 @@ def test_a_solid_is_a_shape_for_cad() -> None:
 
 
 def test_what_is_no_solid_is_none_for_manifold() -> None:
-    with pytest.raises(SolidError, match="does not take the solid"):
+    with pytest.raises(SolidError, match="rejects the solid"):
         Solid(V, TRIANGLES, 0, 1).to_manifold()
 
 

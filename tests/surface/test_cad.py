@@ -318,9 +318,9 @@ def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
 def test_marks_in_millimetres_and_what_encloses_nothing(tmp_path, within):
     rows = [(layer, [tuple(1000 * x for x in row) for row in rows]) for layer, rows in [*MARKS, ("void", [(1, 1, 0)])]]
     path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
-    with pytest.raises(SurfaceError, match="marks on layer 'support', and its surface stands on its side; turn all"):
+    with pytest.raises(SurfaceError, match="marks on layer 'support', but its surface lies on its side; turn"):
         propose(path, up="y")
-    assert "1 of them enclose nothing and are passed over" in "\n".join(propose(path).lines)
+    assert "1 of them enclose no area and are ignored" in "\n".join(propose(path).lines)
 
 
 @pytest.mark.parametrize("away", [0.0, 452_345.0], ids=["here", "in coordinates of a survey"])

@@ -153,7 +153,7 @@ def test_voids_count_and_supports_are_found_again_elsewhere(monkeypatch):
 @pytest.mark.parametrize(
     ("keys", "says"),
     [
-        ({"edge": 0.5, "finest_at": "stress"}, "surface: finest_at = 'stress' goes with finest"),
+        ({"edge": 0.5, "finest_at": "stress"}, "surface: finest_at = 'stress' needs finest"),
         ({"edge": 0.5, "finest": 0.1, "finest_at": "wind"}, r"surface\.finest_at = 'wind': .*'curvature', 'stress' or"),
     ],
 )

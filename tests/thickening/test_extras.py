@@ -208,13 +208,13 @@ def test_extras_are_made_in_their_order(plate):
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 meets no material"),
+        (Holes(at=((0.5, 0.5, 0.0), (5.0, 0.5, 0.0)), diameter=0.1, depth=0.2), "point 2 of 2 has no material"),
         (Holes(at=((0.5, 0.5, 0.0),), diameter=0.0, depth=0.2), "diameter must be a positive length"),
-        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "must have a length"),
+        (Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.2, axis=(0.0, 0.0, 0.0)), "is a zero vector"),
         (Trim(), "needs point and normal of a plane, or low and high"),
         (Trim(point=(0.0, 0.0, 0.0)), "needs point and normal"),
         (Trim(low=(0.0, 0.0, 0.0), high=(1.0, 0.0, 1.0)), "low must be below high"),
-        (Trim(point=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0)), "leaves nothing"),
+        (Trim(point=(-1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0)), "removes the whole solid"),
         (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.0), "apart must be a positive length"),
         (SplitBodies(bed=(1.0, 0.0, 1.0), apart=0.1), "positive lengths"),
         (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
@@ -231,13 +231,13 @@ def test_an_extra_that_cannot_be_made_is_refused(plate, extra, words):
 
 def test_a_foot_beside_the_solid_is_refused(plate):
     gone = Trim(point=(0.5, 0.0, 0.0), normal=(-1.0, 0.0, 0.0))
-    with pytest.raises(SolidError, match="does not meet"):
+    with pytest.raises(SolidError, match="does not touch"):
         made(plate, gone, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
 
 
 def test_a_ring_beam_beside_the_solid_is_refused(plate):
     inner = Trim(low=(0.5, 0.3, -1.0), high=(1.5, 0.7, 1.0))
-    with pytest.raises(SolidError, match="does not meet"):
+    with pytest.raises(SolidError, match="does not touch"):
         made(plate, inner, Ring(width=0.1, height=0.1))
 
 

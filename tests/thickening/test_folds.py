@@ -31,7 +31,7 @@ def test_a_fold_smaller_than_the_thickness_is_smoothed_and_told():
     assert solid.repairs.rung == "thinned"
     assert 0 < solid.repairs.moved < 12
     assert 0 < solid.repairs.moved_by < 3 * CELL
-    assert any("folded over itself in places smaller than its thickness" in note for note in solid.notes)
+    assert any("the sheet had folds smaller than its thickness" in note for note in solid.notes)
 
 
 def test_a_fold_larger_than_the_thickness_is_left_for_the_union():

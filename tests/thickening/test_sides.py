@@ -163,7 +163,7 @@ def test_the_side_that_bends_away_is_not_limited():
 
 @pytest.mark.parametrize("side", ["out", "in"])
 def test_one_side_of_a_surface_that_has_no_other_is_refused(side):
-    with pytest.raises(SolidError, match=f'side = "{side}" needs a surface with two sides'):
+    with pytest.raises(SolidError, match=f'side = "{side}" is impossible on a one-sided surface'):
         offsets(moebius(), 0.01, side)
 
 

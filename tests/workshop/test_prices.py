@@ -86,7 +86,7 @@ def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
 @pytest.mark.parametrize(
     ("prices", "said"),
     [
-        ([45, 60], "prices for 2 sizes, and stock has 1 size; give one price for each size"),
+        ([45, 60], "prices has 2 entries, but stock has 1 size; give one price for each size"),
         ([0], r"workshop\.prices\.0 = 0: should be greater than 0"),
         ("cheap", r"workshop\.prices = 'cheap': should be a list"),
     ],

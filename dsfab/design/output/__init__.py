@@ -1,8 +1,7 @@
-"""Content of each output file of a design, and a design read back from its folder.
+"""Contents of each output file of a design; reading of a design from its folder.
 
 files     one file of a design, and smooth STEP    fields    lines and fields for drawings and ParaView
-archive   `design.npz`, the design for later
-"""
+archive   `design.npz`, from which dsfab reads the design later"""
 
 from dsfab.design.output.fields import design_lines
 from dsfab.design.output.files import body_details, curved_design, to_build123d, write

@@ -1,4 +1,4 @@
-"""`design.npz`: the archive of a design, from which other formats are written without solving again."""
+"""The archive `design.npz` of a design; dsfab writes further formats from it, without solving again."""
 
 import json
 import zipfile
@@ -26,7 +26,7 @@ from dsfab.thickening import Repairs, Solid
 Field = Floats | CornerField | DividedField
 Arrays = dict[str, NDArray[Any]]
 STEERED = ("along", "guided", "over")
-"""Fields of `StripeSteering` in the archive; its message is among the notes."""
+"""Fields of `StripeSteering` in the archive; the message of the steering is among the notes."""
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
@@ -38,18 +38,17 @@ def field_arrays(key: str, field: Field) -> Arrays:
         return {key: field.x, **{f"part_{name}": array for name, array in parts.items()}}
     if not isinstance(field, CornerField):
         return {key: field}
-    corner_arrays = {
-        "sign": _rounded_integers(field.sign),
-        "shift": _rounded_integers(field.shift),
-        "blank": field.blank,
+    arrays = {
+        key: field.x,
+        f"{key}_sign": _rounded_integers(field.sign),
+        f"{key}_shift": _rounded_integers(field.shift),
     }
-    line_shares = {} if field.wanted is None else {"wanted": field.wanted}
-    return {key: field.x, **{f"{key}_{name}": array for name, array in (corner_arrays | line_shares).items()}}
+    arrays[f"{key}_blank"] = field.blank
+    return arrays if field.wanted is None else {**arrays, f"{key}_wanted": field.wanted}
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the division of a surface's faces from arrays part_V (p, 3), metres, part_F ...; None without such
-    arrays."""
+    """Return the division of a surface's faces from the arrays part_V (p, 3), metres, part_F ...; None without them."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -58,7 +57,7 @@ def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divid
 
 
 def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """Return the field with the array `key`, (n,) or (n, 2), or values on parts of faces."""
+    """Return the field from the array `key`: values (n,) or (n, 2) at vertices, or at vertices of parts of faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -67,7 +66,6 @@ def field_from(key: str, divided: DividedSurface | None, arrays: Mapping[str, ND
 
 
 def even_arrays(even: EvenStripes) -> Arrays:
-    """Return the arrays of evenly spaced stripes."""
     arrays: Arrays = {"even_slope": even.slope, "even_density": even.density, "even_first": np.array(even.first)}
     for k, (phase, line_shares) in enumerate(zip(even.phases, even.wanted, strict=True)):
         arrays |= {f"even_{k}_value": phase.value, f"even_{k}_singular": phase.singular}
@@ -79,18 +77,12 @@ def even_arrays(even: EvenStripes) -> Arrays:
     rows = {"data": chart.weights.data, "indices": chart.weights.indices, "indptr": chart.weights.indptr}
     if steered := even.steered:
         arrays |= {f"even_steered_{name}": getattr(steered, name) for name in STEERED}
-    chart_arrays = {
-        "V": chart.surface.V,
-        "F": chart.surface.F,
-        "parent": chart.parent,
-        "z": chart.z,
-        "scale": chart.scale,
-    }
-    return arrays | {f"even_chart_{name}": array for name, array in (chart_arrays | rows).items()}
+    mesh = {"V": chart.surface.V, "F": chart.surface.F, "parent": chart.parent, "z": chart.z, "scale": chart.scale}
+    return arrays | {f"even_chart_{name}": array for name, array in (mesh | rows).items()}
 
 
 def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """Return the evenly spaced stripes of arrays such as even_slope (n, 2); None without such arrays."""
+    """Return the evenly spaced stripes from arrays such as even_slope (n, 2); None without such arrays."""
     if "even_slope" not in arrays:
         return None
     major_phase, minor_phase = (_phase(arrays, k) for k in (0, 1))
@@ -103,11 +95,8 @@ def even_stripes_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> E
     density, first_family = arrays["even_density"], int(arrays["even_first"])
     along, guided, over = (arrays.get(f"even_steered_{name}") for name in STEERED)
     steered = None if along is None or guided is None or over is None else StripeSteering(along, guided, over)
-    lines, forces = (
-        ((major_phase, minor_phase), (major, minor), arrays["even_slope"], density, first_family, chart),
-        arrays.get("even_forces"),
-    )
-    return EvenStripes(*lines, steered=steered, forces=forces)
+    lines = (major_phase, minor_phase), (major, minor), arrays["even_slope"], density, first_family, chart
+    return EvenStripes(*lines, steered=steered, forces=arrays.get("even_forces"))
 
 
 def _rounded_integers(array: Floats) -> NDArray[Any]:
@@ -121,23 +110,19 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 
 NAME = "design.npz"
 LAYOUT = 1
-"""Version of the archive; other versions are not read."""
-
+"""Version of the archive; dsfab does not read other versions."""
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
-"""Sections of a preset that determine a design; `export` determines the files only."""
-
+"""Sections of a preset that determine a design; `export` only determines the files."""
 MESH = "surface.ply"
-"""File of a mesh that Python held, metres, to the last bit."""
+"""File for a mesh from Python, metres, without rounding."""
 
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """Return the preset for a folder: meshes in the folder have no path, and curves of drawings are in the preset.
-
-    folder : receives a mesh that is not in a file.  home : the same folder, by its final name.
-    Raises SurfaceError for a missing drawing.
-    """
+    """Return the preset for a folder: meshes in the folder have no path, and the preset contains curves of drawings.
+    folder : receives a mesh that is not in a file.    home : the final path of this folder.
+    Raises SurfaceError for a missing drawing."""
     preset = preset.self_contained()
     section = preset.surface
     if isinstance(section, MeshSurface):
@@ -152,8 +137,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design, made by `preset` (by default its own), into a folder; return the path of the
-    archive."""
+    """Write the archive of a design into a folder; return its path. preset : by default the design's own."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
@@ -169,14 +153,8 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
     }
     arrays = {"about": np.array(json.dumps(about)), "V": design.surface.V, "F": design.surface.F}
     weights = {"data": sheet.weights.data, "indices": sheet.weights.indices, "indptr": sheet.weights.indptr}
-    sheet_arrays = {
-        "V": sheet.surface.V,
-        "F": sheet.surface.F,
-        "parent": sheet.parent,
-        "family": sheet.family,
-        **weights,
-    }
-    arrays |= {f"sheet_{key}": array for key, array in sheet_arrays.items()} | {"solid_V": solid.V, "solid_F": solid.F}
+    cut = {"V": sheet.surface.V, "F": sheet.surface.F, "parent": sheet.parent, "family": sheet.family, **weights}
+    arrays |= {f"sheet_{key}": array for key, array in cut.items()} | {"solid_V": solid.V, "solid_F": solid.F}
     for key, group in (("levels", pattern.levels), ("half_width", pattern.half_widths)):
         arrays |= {f"{key}_{k}": array for k, array in enumerate(group)}
     for k, field in enumerate(pattern.fields):
@@ -191,7 +169,7 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
 
 
 def read_archive(folder: Path, preset: Preset) -> Design | None:
-    """Return the design in a folder; None if the folder has no design of this preset."""
+    """Return the design in a folder; None if the folder contains no design of this preset."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
@@ -203,7 +181,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """Return the sections that determine a design, as JSON, with the values of a material instead of its name."""
+    """Return the sections that determine a design, as JSON; values of a material replace its name."""
     values: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return values
 

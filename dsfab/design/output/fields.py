@@ -1,4 +1,4 @@
-"""Lines and fields of a design for drawings and ParaView, with their SI units."""
+"""Lines and fields of a design for drawings and ParaView, with SI units."""
 
 from dataclasses import replace
 
@@ -16,19 +16,17 @@ from dsfab.surface.fields import CornerField
 
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
-    """Return edges of the sheet by family, then centre lines of its members; metres, on the middle surface.
-
-    tolerance : metres that dropped points may be off the polylines; lengths are those of all points.
-    A family without stripes, or whose stripes touch everywhere, has no centre lines.
-    """
+    """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
+    tolerance : distance (m) of dropped points from the simplified lines; lengths are those of all points.
+    A family without stripes, or with stripes that touch everywhere, has no centre lines."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
     lines = edge_lines(sheet, surface, pattern.names, phases)
-    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # all fields of a family share one
+    half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # equal for all fields of a family
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
         if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
-            continue  # from half a period on, stripes touch, so that the family has no members
+            continue  # stripes with half-widths of half a period touch, so that the family has no members
         if isinstance(z, CornerLines):
             assert pattern.even is not None
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
@@ -39,9 +37,7 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 def stripe_phase(design: Design, k: int) -> Phase:
     """Return the phase of field k, with integers on the centre lines of its stripes; None for a field without stripes.
-
-    z (n,), or lines at corners if no value at a vertex serves all faces.
-    """
+    The phase has values (n,) at vertices; it is given at corners of faces if a vertex has no single value."""
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -60,10 +56,10 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
     Vertices: displacement of every load case, forces, supports, modes, and for each family the phase z (centre lines at
     its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the isotropic
-    faces as the diffusion tensors have them (gamma times the stress).
+    faces, as in the diffusion tensors (gamma times the stress).
 
-    Evenly spaced stripes have no phase at vertices. They have the distance from the nearest centre line and the density
-    of the drawn lines instead; d and the wave count in these lines as well."""
+    Evenly spaced stripes have no phase at vertices. Their fields are the distance from the nearest centre line and the
+    density of the drawn lines; d and the wave refer to these lines."""
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
         "force [N]": design.load.force,
@@ -96,7 +92,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """Return metres (n,) from the origins of kept regions, by their names; too large beyond their reach, but finite."""
+    """Return the distance (n,), m, of vertices from supports and loads ("keep") and from the boundary ("rim")."""
     options, surface = design.preset.pattern, design.surface
     distances = {}
     if options.keep and "keep" in design.pattern.names:
@@ -113,7 +109,7 @@ def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     on_vertex = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[on_vertex], family]
-    distance = np.full(len(density), 0.5)  # default where no line has a phase
+    distance = np.full(len(density), 0.5)  # this value stays where no line has a phase
     np.minimum.at(distance, vertex[on_vertex], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": distance / density,

@@ -1,4 +1,4 @@
-"""One file of a design in the format of its suffix: the solid, the sheet with lines, or fields."""
+"""Output of one file of a design in the format of its suffix: the solid, the sheet with lines, or fields."""
 
 import tempfile
 from collections.abc import Callable
@@ -35,10 +35,9 @@ if TYPE_CHECKING:
 
 
 class OpenedSurface(NamedTuple):
-    """A one-sided surface cut open along a seam.
-
-    given   : the surface (n, m) before, with some faces turned over: `turned` (m,).
-    surface : (n', m) cut open, with faces in the same order.
+    """A one-sided surface, such as a Moebius strip, after a cut along a seam.
+    given   : the surface before the cut, with n vertices and m faces, some of them turned over: `turned` (m,).
+    surface : the cut surface, with more vertices (n') and the same faces in the same order.
     twins   : (k, 2) pairs of vertices of `surface` at one place, on the two sides of the seam."""
 
     given: Surface
@@ -47,14 +46,13 @@ class OpenedSurface(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """Return half-thickness vectors (n', 3), from vectors (m, 3, 3) at the corners of the faces before the
-        opening."""
+        """Return half-thickness vectors (n', 3) of the cut surface, from vectors (m, 3, 3) at corners of faces."""
         vectors = np.zeros((self.surface.n, 3))
         vectors[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut open, with cells in the same order, and half-edges (k, 2) on both sides of the seam."""
+        """Return a sheet cut along the seam, with cells in the same order, and half-edges (k, 2) on both sides."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -76,13 +74,12 @@ class OpenedSurface(NamedTuple):
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
-    """Return a surface cut open along a seam, mostly outside a sheet of it; None if no piece is one-sided."""
+    """Return a surface cut along a seam, mostly outside of its sheet; None if no piece is one-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept_share = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
-    turned = _turned_for_shortest_seam(
-        surface, 0.1 + kept_share
-    )  # a metre of seam costs 0.1 in openings and 1.1 in material
+    metre_cost = 0.1 + kept_share  # a metre of seam costs 0.1 in openings and 1.1 in material
+    turned = _turned_for_shortest_seam(surface, metre_cost)
     if turned is None:
         turned = flips_along_tree(surface.F, surface.edges)
         turned ^= _turned_for_smooth_seam(_with_turned(surface, turned))
@@ -97,12 +94,9 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces (m,) to turn over for the shortest seam; None if faces beside it disagree about their side.
-
+    """Return faces (m,) to turn over for the shortest seam; None if faces next to the seam disagree about their side.
     The seam is the shortest path between boundaries that crosses a side-changing loop an odd number of times.
-
-    counts : (m,) cost of a metre of a seam in each face.
-    """
+    counts : (m,) cost of a metre of the seam in each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -133,19 +127,15 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
 def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
-    """Return the edges, in order, of the shortest path between two nodes; (0,) without a path.
-
-    Half of the `count` nodes are on the second side; edges with `turns` of 1 lead there."""
+    """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
+    The second half of the `count` nodes is on the second side; edges with `turns` of 1 lead to the second."""
     half = count // 2
-    tails, heads = (
-        np.concatenate([starts, starts + half]),
-        np.concatenate([ends + half * turns, ends + half * (1 - turns)]),
-    )
+    tails = np.concatenate([starts, starts + half])
+    heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
     graph = csr_array((np.tile(lengths, 2), (tails, heads)), shape=(count, count))
     predecessor = dijkstra(graph, directed=False, indices=[source], return_predecessors=True)[1][0]
-    number = {
-        tuple(sorted(pair)): i % len(starts) for i, pair in enumerate(zip(tails.tolist(), heads.tolist(), strict=True))
-    }
+    pairs = zip(tails.tolist(), heads.tolist(), strict=True)
+    number = {tuple(sorted(pair)): i % len(starts) for i, pair in enumerate(pairs)}
     path = list[int]()
     while target != source and predecessor[target] >= 0:
         path.append(number[tuple(sorted((target, int(predecessor[target]))))])
@@ -154,8 +144,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over so that no face has more than half its outline on the seam, because a tree has
-    teeth."""
+    """Return faces (m,) to turn over so that at most half of a face's outline is on the seam, which has no teeth."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -180,7 +169,6 @@ def _with_turned(surface: Surface, turned: Bools) -> Surface:
 
 
 def _seam(surface: Surface) -> Bools:
-    """Return edges (e,) along which faces disagree about their side."""
     h0, h1 = surface.edges.pairs.T
     start, is_seam = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
     is_seam[surface.edges.count == 2] = start[h0] == start[h1]
@@ -188,14 +176,11 @@ def _seam(surface: Surface) -> Bools:
 
 
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file in the format that the suffix of `path` names, and read it back; return the path.
-
+    """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
     A design gives the same bytes as `dsfab build` and `dsfab export`: the solid with its edges and facts, the lines of
     the sheet, or the fields of the uncut surface, as far as the format allows. A solid, a sheet or a surface is
     written alone. `options` are those of `dsfab.export.write`, and replace those of the preset.
-
-    Raises ExportError as `dsfab.export.write`.
-    """
+    Raises ExportError as `dsfab.export.write`."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
     format_of(Path(path))
@@ -206,11 +191,8 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return the CAD shape, millimetres; for a design the shape that `design.write("x.step")` writes, smooth if
-    possible.
-
-    Raises ExportError as `write`.
-    """
+    """Return the shape for build123d, millimetres: for a design that of `design.write("x.step")`, smooth if possible.
+    Raises ExportError as `write`."""
     import build123d
 
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
@@ -219,9 +201,8 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
     """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
-
-    Formats of meshes get the solid, and the lines if they hold both. Formats of lines, members, bodies, section forces
-    and beams get the sheet. Formats of fields get the uncut surface."""
+    The part is the solid for formats of meshes, and for formats with both solid and lines. It is the sheet for formats
+    of lines, members, bodies, section forces and beams. It is the uncut surface for formats of fields."""
     options, form = design.preset.export, FORMATS[suffix]
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
@@ -236,13 +217,13 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         values = design_fields(design) if design.fields is None else design.fields
         return design.surface, {"details": Details(values=values)}
     tolerance = options.step_tolerance or OUTLINE * design.preset.statics.thickness
-    lines = design_lines(design, 0.0 if form.curves else tolerance)  # exact lines leave the tolerance to the curves
+    lines = design_lines(design, 0.0 if form.curves else tolerance)  # the fit of curves uses the tolerance later
     details = Details(lines, tolerance, facts=_facts(design))
     return (design.solid if form.content == "solid and lines" else design.sheet.surface), {"details": details}
 
 
 def body_details(design: Design) -> Details:
-    """Return members as bodies, with their facts and material."""
+    """Return members as bodies, with their measures and material."""
     return Details(
         tolerance=design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness,
         measures=_measures(design),
@@ -259,10 +240,8 @@ PLATES = ("disc", "plate", "fill")
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
     """Return bodies of the members, metres, in the order of their names.
-
-    Members overlap at crossings, so that all bodies together exceed the solid's volume; their own areas
-    (see `dsfab.export.members`) count each area once.
-    """
+    Members overlap at crossings, so that the volume of all bodies exceeds that of the solid; the areas of members
+    (see `dsfab.export.members`) count each area once."""
     sheet, options = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, options.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
@@ -279,10 +258,8 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
 
 
 def frame_details(design: Design) -> Details:
-    """Return the beam model with sentences on its agreement with the sheet.
-
-    Raises StaticsError if no member has an axis, or if nothing carries a load.
-    """
+    """Return the beam model with sentences that compare it with the sheet.
+    Raises StaticsError if no member has an axis, or if the sheet lost a load."""
     facts = tuple(agreement.summary for agreement in design.frame_agreement())
     return Details(frame=design.frame, description=design.preset.description, facts=facts)
 
@@ -299,12 +276,10 @@ _MEMBER_DETAILS: dict[MemberContent, Callable[[Design], Details]] = {
 
 
 def step_options(options: Export) -> StepOptions:
-    """Return the STEP options of the preset."""
     return StepOptions(options.step, options.step_faces, options.step_tolerance, options.step_mb)
 
 
 def _origin(design: Design) -> tuple[float, float, float]:
-    """Return the origin, metres, of a mesh file with survey coordinates; 0 for shapes."""
     surface = design.preset.surface
     return surface.origin if isinstance(surface, FileSurface) else (0.0, 0.0, 0.0)
 
@@ -327,28 +302,26 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 
 def curved_design(design: Design) -> Curved:
-    """Return the smooth sheet of a design. Raises ExportError if the solid is more than that sheet, thickened."""
+    """Return the smooth sheet of a design. Raises ExportError if the solid has parts beside the thickened sheet."""
     options = design.preset.thickening
     if options.extra:
-        raise ExportError("the solid has extra parts beside the sheet")
+        raise ExportError("thickening.extra adds parts to the solid beside the sheet; remove it for a smooth sheet")
     if design.solid.repairs.rung == "united":
-        raise ExportError("the sheet crosses itself, and its parts are fused there")
+        raise ExportError("the sheet crosses itself, so that its parts are fused; write a faceted format")
     sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, options.side)
     return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """Return a sheet that was cut from `surface` along a pattern, by its stripes; a one-sided surface is cut open."""
+    """Return the stripes of a sheet that was cut from `surface` along a pattern, see `StripedSheet`."""
     cells, opening = cells_by_stripes(surface, sheet, pattern), opened_surface(surface, sheet)
     sheet_cells, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(sheet_cells.surface.F, sheet_cells.weights, cells.label, cells.loose, seam)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """Return a sheet and the surface that it was cut from; a one-sided surface is cut open.
-
-    thickness : metres, or (n,) of them.
-    """
+    """Return a sheet and the surface that it was cut from; a one-sided surface is cut along a seam.
+    thickness : metres, a number or one at each vertex (n,)."""
     offset, opening, twins = offsets(surface, thickness, side), opened_surface(surface, sheet), NO_PAIRS
     D = offset.D
     if opening:
@@ -359,7 +332,9 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
 
 
 def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, cut along the upper envelope of fields (n, c) on the uncut surface; snap : see `cut`."""
+    """Return the sheet, divided into charts: chart k is the part where column k of `fields` (n, c), on the uncut
+    surface, is
+    the largest. snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
@@ -375,10 +350,8 @@ def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, sna
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
     """Return charts (m,): a face whose chart is largest at no corner gets the chart that is largest at its centre.
-
-    Where three borders meet, a part that one of them cuts off may belong to neither of the other two. It would go to
-    the
-    last chart, which may be far away."""
+    Where three borders meet, one border may cut off a part that belongs to neither of the remaining charts. Without
+    this correction that part would get the last chart, which may be far away."""
     corners = fields[F]
     own_field = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
     is_hidden = (own_field < corners.max(axis=2)).all(axis=1)

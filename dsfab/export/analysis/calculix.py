@@ -1,4 +1,4 @@
-"""CalculiX: finite element models of shells or beams as an .inp file for the program `ccx`."""
+"""CalculiX: finite element models of shells or beams, as an .inp file for the program `ccx`."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -25,7 +25,7 @@ UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in p
 
 @dataclass(frozen=True, eq=False)
 class CalculixModel:
-    """A sheet of six-node triangles with its supports and loads.
+    """A sheet of six-node triangles with its supports and loads; index p counts the nodes, m the triangles.
 
     nodes     : (p, 3) metres.
     triangles : (m, 6) nodes: three corners, then the middle of the edge after each corner.
@@ -76,24 +76,24 @@ class CalculixModel:
         if len(bad):
             raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first_few(bad)})")
         if not self.steps or not (any(directions.any() for directions in self.supports.values()) or self.springs.any()):
-            raise ExportError(f"the model {self.name!r} needs a load step and a support; CalculiX solves nothing else")
+            raise ExportError(f"the model {self.name!r} has no load step or no support; CalculiX needs both")
         if wrong := [name for name in self.supports if name != _set_name(name)]:
-            raise ExportError(f"{wrong[0]!r} is no name for a node set; use capitals, digits and _, a capital first")
+            raise ExportError(f"the name {wrong[0]!r} is impossible for a node set; use capitals, digits and _")
         if self.element == "CPS6" and np.ptp(self.nodes[:, 2]) > 0:
-            raise ExportError("CPS6 triangles lie in the plane z = 0 and these do not; write S6 shells")
+            raise ExportError(
+                f"the model {self.name!r} is not in the plane z = 0, as CPS6 triangles are; use S6 shells"
+            )
 
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
     """Write a model to an .inp file atomically; return the path.
-
     `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For every step NAME.dat has the
     displacements of all nodes, the total force on the nodes of every support (its reaction plus the loads on these
     nodes, because CalculiX prints their sum) and the internal energy, which is half of the compliance.
-    Raises ExportError for another suffix, and when the file cannot be written.
-    """
+    Raises ExportError for another suffix, and if the file cannot be written."""
     path = Path(path)
     if path.suffix != ".inp":
-        raise ExportError(f"CalculiX reads files that end in .inp and {path.name} does not; name it {path.stem}.inp")
+        raise ExportError(f"{path.name} does not end in .inp, as CalculiX needs; name it {path.stem}.inp")
     with atomic_file(path) as temporary:
         write_chunks(temporary, (text.encode("ascii", "replace") for text in cards(model)))
     return path
@@ -104,7 +104,7 @@ def cards(model: CalculixModel) -> Iterator[str]:
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
-    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 digits
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 characters of a number
     yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
     yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
     yield from _section(model)
@@ -166,7 +166,7 @@ def _springs(model: CalculixModel) -> Iterator[str]:
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
-    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the last step
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the step before
     node, axis = np.nonzero(_acting(force))
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
@@ -179,7 +179,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return the (p, 3) components to write; the others are rounding errors of the largest component of the step."""
+    """Return True for the components (p, 3) to write; smaller ones are rounding errors of the largest."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -192,14 +192,14 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # limit of ccx
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx reads 80
     return word if word[:1].isalpha() else f"S{word}"
 
 
 SUFFIX = ".beams.inp"
 PIECES = 4
-"""Number of elements of a beam. Where beams meet at angles, the solids are up to 17 % too stiff with one element, and
-up to 8 % with four."""
+"""Number of elements of each beam. At angles between beams, joints are up to 17 % too stiff with one element,
+and up to 8 % with four."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -218,14 +218,14 @@ def check(part: Part, path: Path) -> ReadBack:
     lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
     points = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
+        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")
     return ReadBack(beams, "elements")
 
 
 def _cards(name: str, frame: "Frame") -> Iterator[str]:
     points, ends, n = frame.points, frame.ends, len(frame.points)
     yield f"** {one_line(name)}: {len(ends)} beams, written by dsfab {__version__}; metres, newtons, pascals\n"
-    yield "** The total force of HELD is the reaction where nodes may turn; at clamped nodes moments are added to it\n"
+    yield "** The total force of HELD is the reaction; at nodes with fixed rotations it also includes the moments\n"
     yield "*NODE, NSET=ALL\n"
     yield from rows("%d, %.11e, %.11e, %.11e\n", np.arange(1, n + 1), *points.T)
     yield "*NODE, NSET=BETWEEN\n"

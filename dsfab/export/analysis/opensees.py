@@ -1,7 +1,6 @@
 """OpenSees: the beam model as a Tcl script, `NAME.tcl`, that solves every case and combination and prints the results.
 
-Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`, with equal results.
-"""
+Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`, with equal results."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -55,7 +54,7 @@ def check(part: Part, path: Path) -> ReadBack:
         raise count_error(part, "beams", len(frame.ends), beams)
     points = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame.points)]
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
+        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")
     return ReadBack(beams, "beams")
 
 

@@ -26,16 +26,20 @@ VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0
-"""Steps of rounded widths (mm): fine below 100 mm, coarse above. Without rounding, each beam would have its own
-section."""
+"""Steps of rounded widths (mm) below and above 100 mm. Without rounding, each beam would have its own section."""
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Forces (0) and moments (3) below this share of the largest of their case are left out. Such forces are rounding
-errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under 0.07
-%, and half of the rows go."""
-TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
-"""Types of materials by the first letters of the material's name; all other names are `Other`."""
-TYPES |= {"concrete": "Concrete"}
-"""Types of materials by how their names begin; all others are `Other`."""
+"""Least share of the largest force (0) or moment (3) of a case; smaller ones are left out. Such forces are rounding
+errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under
+0.07 %, and the workbook has half of the rows."""
+TYPES = {
+    "S": "Steel",
+    "GL": "Timber",
+    "CLT": "Timber",
+    "plywood": "Timber",
+    "aluminium": "Aluminium",
+    "concrete": "Concrete",
+}
+"""Types of materials by the first letters of the material's name; all other names have the type `Other`."""
 ACTIONS = {
     "permanent": ("Permanent", "Standard"),
     "snow": ("Variable", "Snow"),
@@ -54,9 +58,7 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet of a workbook: rows below a head. The sheets `Project` and `Model` have rows of name and value without
-    a head.
-    """
+    """A sheet of a workbook: rows below a head; `Project` and `Model` have rows of name and value without a head."""
 
     name: str
     head: tuple[str, ...]
@@ -70,7 +72,7 @@ class SafSheet:
 
 
 def saf_sheets(name: str, frame: "Frame", description: str = "") -> list[SafSheet]:
-    """Return the sheets of a beam model, without empty ones."""
+    """Return the sheets of a beam model, without empty sheets."""
     sections = [_dimensions(t, w) for t, w in zip(frame.thickness, frame.width, strict=True)]
     numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
     sheets = [
@@ -203,8 +205,7 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """Return a group for each kind of action. Snow cases exclude each other, and so do wind cases, as in EN 1990
-    here."""
+    """Return a group for each kind of action. Snow cases exclude each other, and so do wind cases, as in EN 1990."""
     return [
         {
             "Name": f"LG {kind}",
@@ -218,10 +219,10 @@ def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
 
 def _case(name: str, kind: str) -> dict[str, Cell | None]:
     action, load = ACTIONS[kind]
-    weight = "; what the structure weighs is among them" if kind == "permanent" else ""
+    weight = ", including the weight of the structure" if kind == "permanent" else ""
     return {
         "Name": name,
-        "Description": f"loads on nodes, of tributary areas{weight}",
+        "Description": f"loads on nodes, from tributary areas{weight}",
         "Action type": action,
         "Load group": f"LG {kind}",
         "Load type": load,
@@ -257,7 +258,7 @@ def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | Non
 
 SUFFIX = ".saf.xlsx"
 FIXED_DATE = datetime(1980, 1, 1)
-"""Date of every workbook; it is fixed, so that equal designs give equal bytes."""
+"""Date of every workbook, fixed so that equal designs give equal bytes."""
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
@@ -268,7 +269,7 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return a comparison of the beams with the sheet, a line for each case."""
+    """Return a comparison of the beams with the sheet, one line for each case."""
     return "\n".join(part.details.facts)
 
 
@@ -293,7 +294,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read every sheet back with the standard library's readers: head, number of rows, coordinates of nodes."""
+    """Read every sheet back with readers of the standard library: head, number of rows, coordinates of nodes."""
     cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.beam_model)
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
@@ -301,11 +302,11 @@ def check(part: Part, path: Path) -> ReadBack:
         if len(rows) != count:
             raise count_error(part, f"rows of {sheet.name}", count, len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
-            raise ExportError(f"the head of {sheet.name} of {part.name!r} reads back different; write it again")
+            raise ExportError(f"the head of sheet {sheet.name} of {part.name!r} reads back different; write it again")
     points = _coordinates(cells["StructuralPointConnection"][1:])
     expected = _coordinates([list(row) for row in _sheet(sheets, "StructuralPointConnection").rows])
     if not (np.abs(points - expected) <= NUMBERS_READ_BACK * np.abs(expected).max()).all():
-        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write members.json instead")
+        raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write members.json")
     return ReadBack(len(_sheet(sheets, "StructuralCurveMember").rows), "beams")
 
 
@@ -319,9 +320,7 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
     """Return the rows of each sheet by name; empty cells are None.
-
-    The function reads the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
-    """
+    Only the parts of Office Open XML (ECMA-376) that XlsxWriter writes are read: numbers and shared strings."""
     with zipfile.ZipFile(path) as archive:
         shared = [
             "".join(text.text or "" for text in item.iter(f"{MAIN}t"))

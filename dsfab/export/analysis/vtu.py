@@ -1,8 +1,7 @@
-"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres and the SI unit in each name.
+"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields, in metres, with the SI unit in each name.
 
 The file's field data repeats the unit of length, because the format has no place for the unit. Facts about the fields
-are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes.
-"""
+are `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes."""
 
 import base64
 import xml.etree.ElementTree as ElementTree
@@ -26,19 +25,18 @@ UNIT = "metre"
 
 
 def prepare(part: Part) -> Part:
-    """Return the part itself; raises ExportError for a field that has neither a row per vertex nor one per face."""
+    """Return the part unchanged; raises ExportError for a field without one row per vertex or face."""
     for name, values in part.details.values.items():
         if len(values) not in (len(part.V), len(part.F)):
             raise ExportError(
-                f"the field {name!r} has {len(values)} rows, and {part.name!r} {len(part.V)} vertices and "
-                f"{len(part.F)} faces; give it one row for each of either"
+                f"the field {name!r} has {len(values)} rows, but {part.name!r} has {len(part.V)} vertices and "
+                f"{len(part.F)} faces; give it one row for each vertex or for each face"
             )
     return part
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the file in one piece.
-
     A field with as many rows as vertices belongs to the vertices, any other field to the faces."""
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
@@ -75,7 +73,7 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the mesh and every field back with an XML parser and compare them."""
+    """Read the mesh and every field back with an XML parser and compare them with the part."""
     arrays = dict(_arrays(path))
     V, F = arrays.pop("Points"), arrays.pop("connectivity").astype(np.int64).reshape(-1, 3)
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)

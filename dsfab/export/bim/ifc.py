@@ -25,16 +25,14 @@ PLATE_SETS = {
     "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
     "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
 }
-"""Quantities of a plate and their kinds; the set of the standard is first, and its width is the sheet's thickness."""
+"""Quantities of a plate and their kinds, by set; the width of the first, the standard's set, is the thickness."""
 Naming = Callable[[str], str]
-"""Function that turns a word into an identifier."""
+"""A function from a word to an IFC identifier."""
 
 
 class Place(NamedTuple):
     """Numbers of entities that elements refer to; 0 if material or properties are unknown.
-
-    placement : of the whole roof.    part : of each part, relative to the roof.
-    """
+    placement : placement of the whole roof.    part : placement of each part, relative to the roof."""
 
     body: int
     building: int
@@ -46,7 +44,7 @@ class Place(NamedTuple):
 
 
 def file_header(name: str, version: str) -> str:
-    """Return the header; its time is fixed, so that equal solids give equal files."""
+    """Return the header of the file, with a fixed time, so that equal solids give equal files."""
     title = step_string(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
@@ -56,8 +54,7 @@ def file_header(name: str, version: str) -> str:
 
 
 def building(entities: StepEntities, name: str, details: Details, naming: Naming) -> Place:
-    """Add units, project, site, building and the entities that all elements share; return the numbers of these
-    entities."""
+    """Add units, project, site, building and the entities that all elements share; return their numbers."""
     title, measures = step_string(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(entities))
     origin = entities.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -94,7 +91,6 @@ def roof(entities: StepEntities, place: Place, name: str, elements: list[int], n
 
 
 def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, float]) -> None:
-    """Add the model's position in the coordinates of a survey (m); the file cannot name the survey."""
     metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     survey = entities.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
     east, north, up = map(real, origin)
@@ -114,10 +110,8 @@ def _units(entities: StepEntities) -> Iterator[int]:
     for kind, unit in (("AREA", "SQUARE_METRE"), ("VOLUME", "CUBIC_METRE"), ("PRESSURE", "PASCAL")):
         yield entities.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
     yield entities.add("IFCSIUNIT(*,.PLANEANGLEUNIT.,$,.RADIAN.)")
-    kilogram, metre = (
-        entities.add("IFCSIUNIT(*,.MASSUNIT.,.KILO.,.GRAM.)"),
-        entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)"),
-    )
+    kilogram = entities.add("IFCSIUNIT(*,.MASSUNIT.,.KILO.,.GRAM.)")
+    metre = entities.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     yield kilogram
     parts = [entities.add(f"IFCDERIVEDUNITELEMENT(#{unit},{power})") for unit, power in ((kilogram, 1), (metre, -3))]
     yield entities.add(f"IFCDERIVEDUNIT((#{parts[0]},#{parts[1]}),.MASSDENSITYUNIT.,$)")
@@ -149,7 +143,7 @@ def _properties(entities: StepEntities, measures: Mapping[str, float], naming: N
 
 
 def single_value(entities: StepEntities, name: str, kind: str, value: float) -> int:
-    """Add a property with a number; return its entity number."""
+    """Add a property with a number; return the number of its entity."""
     return entities.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
@@ -161,9 +155,9 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """Add a piece with colour and quantities; return its entity number.
-
-    V : (n, 3) vertices in millimetres; corners of the triangles (m, 3) count from 1."""
+    """Add a piece with colour and quantities; return the number of its entity.
+    which  : name and number of the piece.    mesh : vertices (n, 3), millimetres, and triangles (m, 3), counted from 1.
+    """
     (name, i), (V, corners) = which, mesh
     faces = face_set(entities, V, corners, place.style)
     shape = entities.add(f"IFCSHAPEREPRESENTATION(#{place.body},'Body','Tessellation',(#{faces}))")
@@ -173,19 +167,19 @@ def element(
         f"#{place.part},#{product},$,.SHEET.)"
     )
     for title, keys in PLATE_SETS.items():
-        set_amounts = {key: value for key, value in amounts.items() if key in keys}
         values = [
-            entities.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)") for key, value in set_amounts.items()
+            entities.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)")
+            for key, value in amounts.items()
+            if key in keys
         ]
-        numbers = ",".join(f"#{k}" for k in values)
-        quantities = entities.add(f"IFCELEMENTQUANTITY('{naming(f'{title} {i}')}',$,'{title}',$,$,({numbers}))")
+        set_id = naming(f"{title} {i}")
+        quantities = entities.add(f"IFCELEMENTQUANTITY('{set_id}',$,'{title}',$,$,({_references(values)}))")
         entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'{title} measured {i}')}',$,$,$,(#{plate}),#{quantities})")
     return plate
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
-    """Add the triangles of a closed body V (n, 3) with a style; return the entity number. Corners (m, 3) count from
-    1."""
+    """Add the triangles (m, 3), counted from 1, of a closed body V (n, 3) with a style; return its number."""
     points = "".join(comma_separated_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = entities.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(comma_separated_rows("(%d,%d,%d),", *corners.T))
@@ -195,7 +189,7 @@ def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> in
 
 
 def real(value: float) -> str:
-    """Return a number with a decimal point, as ISO 10303-21 demands."""
+    """Return a number with a decimal point, as ISO 10303-21 requires."""
     text = f"{value:.12g}".upper()
     head, e, power = text.partition("E")
     return (head if "." in head else head + ".") + e + power
@@ -238,7 +232,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def pending_bytes(entities: StepEntities) -> Iterator[bytes]:
-    """Yield the text of the entities that wait to be written, and clear the list."""
+    """Yield the text of the entities that are not yet written, and clear the list."""
     yield "".join(entities.text).encode("ascii")
     entities.text.clear()
 
@@ -251,7 +245,7 @@ def identifier(name: str, what: str) -> str:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell: millimetres, every triangle, closed bodies, the part's volume."""
+    """Read the file back with ifcopenshell: millimetres, all triangles, closed bodies, the part's volume."""
     V, F = _arrays(millimetre_model(part, path))
     if not len(F):
         raise count_error(part, "triangles", len(part.F), 0)
@@ -259,7 +253,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
-    """Read a file with ifcopenshell; raises ExportError if that fails, or if its lengths are not in millimetres."""
+    """Read a file with ifcopenshell; raises ExportError if reading fails, or if lengths are not in millimetres."""
     import ifcopenshell
     import ifcopenshell.util.unit
 
@@ -287,9 +281,9 @@ def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
     return np.concatenate(points), np.concatenate(faces)
 
 
-KINDS = {"Length": "LENGTH", "Width": "LENGTH", "Thickness": "LENGTH", "NetArea": "AREA", "NetVolume": "VOLUME"}
-"""Kinds of quantities by name."""
-KINDS |= {"NetWeight": "WEIGHT", "GrossArea": "AREA", "GrossVolume": "VOLUME", "GrossWeight": "WEIGHT"}
+KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
+for _kind in ("Area", "Volume", "Weight"):
+    KINDS |= {f"Net{_kind}": _kind.upper(), f"Gross{_kind}": _kind.upper()}
 """Kinds of quantities by their names."""
 
 
@@ -326,7 +320,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ifcopenshell: each member with its name, its closed triangles and its volume."""
     model = millimetre_model(part, path)
     meshes = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # by_type() sorts by kind
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by kind
         if element.is_a() in ("IfcMember", "IfcPlate"):
             meshes[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, meshes)
@@ -382,7 +376,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard calls it Width
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard's name is Width
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
@@ -402,7 +396,7 @@ def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: 
         words["crossings counted with"] = ", ".join(facts.counted_with)
     values = []
     for key, value in words.items():
-        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # a text may be long
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # a label has a length limit
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = facts.member.id

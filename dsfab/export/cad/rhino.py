@@ -1,4 +1,4 @@
-"""3DM (openNURBS) for Rhino and Grasshopper: meshes, curves and members on named layers, and Rhino's JSON."""
+"""3DM (openNURBS) for Rhino and Grasshopper: meshes, curves and members on named layers; also Rhino's JSON."""
 
 import base64
 import hashlib
@@ -42,11 +42,9 @@ COLOURS = {
 }
 BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
 MESH = "sheet"
-"""Layer of the mesh."""
-
+"""Name of the layer of the mesh."""
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: properties of the file, and its history. If a code has the bit `_SHORT`, a value replaces the
-length."""
+"""Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
@@ -58,7 +56,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive without times, from memory because a direct write would store the name of the file too."""
+    """Yield the archive without times, from memory, because a direct write would also store the name of the file."""
     import rhino3dm
 
     model, ids = empty_model(), _ids(part)
@@ -88,8 +86,8 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """Encode a model as a file without times."""
-    version = 7  # Rhino 7 is the oldest version in wide use; newer ones read its files
+    """Return a model as the bytes of a file without times."""
+    version = 7  # Rhino 7 is the oldest version in wide use; newer versions read its files
     import rhino3dm
 
     how = rhino3dm.File3dmWriteOptions()
@@ -105,8 +103,7 @@ def _ids(part: Part) -> Ids:
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that makes a UUID from a name; other arrays give other ids, so two designs can share a
-    model."""
+    """Return a function from a name to a UUID; different arrays give different ids, so designs can share a model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -125,16 +122,16 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 
 def without_times(data: bytes) -> bytes:
     """Replace both times in the history of an archive by `_TIME` and correct its checksum.
-
-    The history holds a byte of version, the author and time of creation, those of the last change, a count, and a
-    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for other archives.
-    """
+    The history contains a version byte, author and time of creation, author and time of the last change, a count, and a
+    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for another layout."""
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
     properties = _chunk(data, header, len(data), _PROPERTIES)
     history = _chunk(data, *properties, _HISTORY) if properties else None
     if history is None:
-        raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
+        raise ExportError(
+            "the .3dm file of rhino3dm has a layout that dsfab does not know; write .dxf and .stl instead"
+        )
     start, end = history
     position = start + 1
     for _ in range(2):
@@ -146,7 +143,7 @@ def without_times(data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
-    """Return start and end of the content of the first chunk with a code, searched between `start` and `end`."""
+    """Return start and end of the content of the first chunk with the code `kind` between `start` and `end`."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
@@ -215,24 +212,29 @@ def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm, the only reader. Raises ExportError unless all objects are valid and complete,
-    in mm."""
+    """Read the file back with rhino3dm. Raises ExportError unless all objects are valid and complete, in mm."""
+    import rhino3dm
+
+    items = _valid_items(part, path, ".dxf and .stl")
+    meshes = [shape for _, shape in items if shape.ObjectType == rhino3dm.ObjectType.Mesh]
+    if len(meshes) != 1:
+        raise count_error(part, "meshes", 1, len(meshes))
+    V, F = rhino_arrays(meshes[0])
+    result = check_mesh(part, V, F[:, :3])
+    check_curves(part, {name: _points(x) for name, x in items if x.ObjectType == rhino3dm.ObjectType.Curve})
+    return result
+
+
+def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
+    """Return name and geometry of all objects; raises ExportError unless all are valid, and in millimetres."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
     if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(
-            f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .dxf and .stl instead"
-        )
-    shapes = [item.Geometry for item in model.Objects]
-    meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
-    if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
-    V, F = rhino_arrays(meshes[0])
-    result = check_mesh(part, V, F[:, :3])
-    curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
-    check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
-    return result
+        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write {instead}")
+    if not all(item.Geometry.IsValid for item in model.Objects):
+        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write {instead} instead")
+    return [(item.Attributes.Name, item.Geometry) for item in model.Objects]
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -254,7 +256,7 @@ def _points(curve: Any) -> list[Floats]:
 
 
 NODES = "nodes"
-"""Layer of the nodes."""
+"""Name of the layer of the nodes."""
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
@@ -291,23 +293,14 @@ def _members_about(name: str, layer: int, identity: Any) -> Any:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless each member, axis and node is valid and has its name,
-    in mm."""
+    """Read the file back with rhino3dm. Raises ExportError unless all members, axes and nodes are valid, in mm."""
     import rhino3dm
 
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .members.dxf")
-    things = [(thing.Attributes.Name, thing.Geometry) for thing in model.Objects]
-    if not all(shape.IsValid for _, shape in things):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .members.dxf instead")
-    kinds = rhino3dm.ObjectType
+    things, kinds = _valid_items(part, path, ".members.dxf"), rhino3dm.ObjectType
     names = {kind: [name for name, x in things if x.ObjectType == kind] for kind in (kinds.Curve, kinds.Point)}
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
-    for what, kind, expected in (
-        ("axes", kinds.Curve, axes),
-        ("nodes", kinds.Point, [node.id for node in graph_of(part).nodes]),
-    ):
+    nodes = [node.id for node in graph_of(part).nodes]
+    for what, kind, expected in (("axes", kinds.Curve, axes), ("nodes", kinds.Point, nodes)):
         if names[kind] != expected:
             raise count_error(part, what, len(expected), len(names[kind]))
     meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
@@ -321,22 +314,19 @@ def mesh_json(V: Floats, F: Ints) -> str:
 
 
 def polyline_json(points: Floats) -> str:
-    """Encode a polyline through points (k, 3), or (k, 2) in the plane z = 0, as JSON; raises ExportError without
-    rhino3dm."""
+    """Encode a polyline through points (k, 3), or (k, 2) for z = 0, as JSON; raises ExportError without rhino3dm."""
     require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())
 
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
-    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON. A quad is split along its shorter
+    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; quads are split along the shorter
     diagonal.
-
-    Raises ExportError if the text holds no mesh.
-    """
+    Raises ExportError if the text contains no mesh."""
     mesh = _decode(text)
     if type(mesh).__name__ != "Mesh":
-        raise ExportError(f"a mesh is wanted, not {type(mesh).__name__}; turn it into a mesh in Grasshopper first")
+        raise ExportError(f"the geometry is a {type(mesh).__name__}, not a mesh; convert it to a mesh in Grasshopper")
     V, corners = rhino_arrays(mesh)
     return V, _triangles(V, corners)
 
@@ -358,8 +348,8 @@ def _decode(text: str) -> Any:
 
     try:
         thing = rhino3dm.CommonObject.Decode(json.loads(text))
-    except Exception:  # rhino3dm documents no exception types
+    except Exception:  # rhino3dm does not document its exceptions
         thing = None
     if thing is None:
-        raise ExportError("the geometry that was sent is not readable as Rhino's JSON")
+        raise ExportError("the text is not Rhino's JSON of a geometry; send the result of CommonObject.Encode")
     return thing

@@ -1,4 +1,4 @@
-"""DXF (R2010): edges and centre lines in place, with plan and elevations, or each member as a named group."""
+"""DXF (R2010): edges and centre lines in place, with plan and elevations; or each member as a named group."""
 
 import io
 from collections import defaultdict
@@ -53,7 +53,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """Return an empty ezdxf drawing in millimetres, with dashes of lines scaled to the size of the part."""
+    """Return an empty ezdxf drawing in millimetres; dashes of lines are scaled to the size of the part."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -85,8 +85,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add the consecutive curves of a line to a drawing: splines, and one polyline for each straight run; yield the
-    entities."""
+    """Add the curves of a line to a drawing, and yield the entities: splines, and polylines of straight runs."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -141,17 +140,22 @@ def reproducible_output() -> Iterator[None]:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, every line in its place."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    errors = document.audit().errors
-    if errors or document.header["$INSUNITS"] != 4:
-        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
+    document = _sound_document(part, path, ".svg or .csv")
     points_by_line = defaultdict[str, list[Floats]](list)
     for entity in document.modelspace():
         if entity.has_xdata(APPLICATION):
             points_by_line[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
     return check_curves(part, points_by_line)
+
+
+def _sound_document(part: Part, path: Path, instead: str) -> Any:
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    errors = document.audit().errors
+    if errors or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write {instead} instead")
+    return document
 
 
 def points_along(entity: Any) -> Floats:
@@ -172,7 +176,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     with reproducible_output():
         document = new_document(part)
         space = document.modelspace()
-        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # letters of names have this height
+        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # height of letters
         for shape in part.details.shapes:
             entities = list(_member(document, shape, curve_tolerance(part), height))
             for entity in entities:
@@ -193,9 +197,8 @@ def _member(document: Any, shape: MemberShape, tolerance: float, height: float) 
         yield add_polyline(space, simplified_line(line, tolerance), False, layer)
     place = shape.edges[0].mean(axis=0)
     if len(shape.axis):
-        yield from add_curves(
-            space, curves_along(shape.axis, tolerance), False, _members_layer(document, shape.layer, "AXES")
-        )
+        layer = _members_layer(document, shape.layer, "AXES")
+        yield from add_curves(space, curves_along(shape.axis, tolerance), False, layer)
         place = shape.axis[len(shape.axis) // 2]
     text = space.add_text(shape.id, height=height, dxfattribs={"layer": _members_layer(document, shape.layer, "NAMES")})
     text.set_placement(tuple(place.tolist()))
@@ -211,14 +214,8 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of each member with axis and
-    edges."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    errors = document.audit().errors
-    if errors or document.header["$INSUNITS"] != 4:
-        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .members.json instead")
+    """Read the file back with ezdxf and its auditor: no error, millimetres, a group of lines for each member."""
+    document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
     if sorted(groups) != sorted(shape.id for shape in shapes):
         raise count_error(part, "members", len(shapes), len(groups))
@@ -231,8 +228,6 @@ def check_members(part: Part, path: Path) -> ReadBack:
         length_read = sum(map(polyline_length, (*lines[True], *lines[False])))
         length_expected = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
         if not abs(length_read - length_expected) <= 10 * READ_BACK * length_expected:
-            raise ExportError(
-                f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json instead"
-            )
+            raise ExportError(f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json")
         total, total_expected = total + length_read, total_expected + length_expected
     return ReadBack(len(shapes), "members", total / total_expected - 1, "length")

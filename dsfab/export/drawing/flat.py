@@ -1,8 +1,7 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
-The drawings use LWPOLYLINE and CIRCLE only, because every cutting program reads these; letters are polylines too. Equal
-drawings give equal bytes.
-"""
+The drawings use only LWPOLYLINE and CIRCLE, because every cutting program reads these; letters are polylines, too.
+Equal drawings give equal bytes."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -32,12 +31,12 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""Colours of the layers in SVG, the same as in DXF."""
+"""Colours of the layers in SVG, as in DXF."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatLine:
-    """A polyline through points (k, 2), metres; a closed one does not repeat its first point."""
+    """A polyline through points (k, 2), metres; a closed polyline does not repeat its first point."""
 
     layer: str
     points: Floats
@@ -73,10 +72,8 @@ class FlatDrawing:
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
     """Return a drawing as a DXF file without dates and random identifiers.
-
     ezdxf writes the frame of the file once for all drawings with equal layers. This function writes the lines and
-    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings.
-    """
+    circles, because ezdxf takes ten times as long and a workshop has hundreds of drawings."""
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
     seed = "  9\n$HANDSEED\n  5\n{:X}\n"
@@ -91,8 +88,7 @@ _TITLE = "title of the drawing"
 
 class _Frame(NamedTuple):
     """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
-    handle of the space that holds entities.
-    """
+    handle of the space that contains the entities."""
 
     before: str
     after: str
@@ -142,9 +138,7 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
     """Raise ExportError unless a file is complete, is in millimetres, and has as many lines and circles as the drawing.
-
-    The check reads pairs of group code and value directly, because ezdxf takes ten times as long.
-    """
+    The check reads pairs of group code and value directly, because ezdxf takes ten times as long."""
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
@@ -156,10 +150,8 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """Return a drawing as SVG at full size, its layers as groups for Inkscape.
-
-    hair : width of its lines, metres; 0 for a width that suits a view of the whole drawing.
-    """
+    """Return a drawing as SVG at full size, with its layers as groups for Inkscape.
+    hair : width of the lines, metres; 0 for a width that suits a view of the whole drawing."""
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
 
@@ -176,7 +168,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        # names of 8 mm stay legible on sheets of several metres
+        # names of 8 mm must stay legible on sheets of several metres
         width = min(hair, 0.8) if name == "ENGRAVE" else hair
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'

@@ -1,8 +1,7 @@
-"""SVG: plan and elevations on an A3 sheet to a stated scale, with dimensions, scale bar and title block.
+"""SVG: plan and elevations on an A3 sheet at a stated scale, with dimensions, scale bar and title block.
 
-A unit of the file is a millimetre of paper; the file states the scale and the unit of the dimensions. Groups are
-layers for Inkscape. Line weights follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted.
-"""
+A unit of the file is a millimetre of paper; the file states the scale and the unit of the dimensions. Groups are layers
+for Inkscape. Line widths follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted."""
 
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
@@ -69,7 +68,7 @@ def _view(placed: PlacedView, scale: float) -> Iterator[str]:
     if view.loops:
         shape = " ".join(_path(placed.on_paper(loop)) + "Z" for loop in view.loops)
         yield f'<path class="fill" fill-rule="evenodd" d="{shape}"/>\n'
-    order = {"centre": 0, "edges": 1, "boundary": 2}  # heavy lines cover light ones
+    order = {"centre": 0, "edges": 1, "boundary": 2}  # heavy lines are drawn over light lines
     for layer in sorted({line.layer for line, _ in view.runs}, key=lambda layer: (order[layer.split("-")[0]], layer)):
         group = layer.split("-")[0]
         yield f'<g class="{group} {layer}" inkscape:groupmode="layer" inkscape:label="{layer}">\n'
@@ -145,7 +144,5 @@ def check(part: Part, path: Path) -> ReadBack:
     if len(lines) != expected:
         raise count_error(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
-        raise ExportError(
-            f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf instead"
-        )
+        raise ExportError(f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf")
     return ReadBack(len(lines), "lines")

@@ -22,7 +22,7 @@ AXES = {
 @dataclass(frozen=True, eq=False)
 class DrawingView:
     """A view of a sheet.
-    runs  : visible parts of lines, (k, 2) millimetres.
+    runs  : visible parts of lines, points (k, 2) in millimetres.    low, high : corners of the view.
     loops : outline of the region to fill, by the even-odd rule; empty if the sheet covers itself in this view."""
 
     title: str
@@ -33,13 +33,12 @@ class DrawingView:
 
     @cached_property
     def extent(self) -> Floats:
-        """(2,) width and height, millimetres."""
+        """Width and height (2,), millimetres."""
         return self.high - self.low
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front view and right view of a sheet with its lines; a view along the plane of the sheet is left
-    out."""
+    """Return plan, front view and right view of a sheet with its lines, without a view along the plane of the sheet."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -61,7 +60,7 @@ def _view(
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
     cell = float((high - low).max()) / 800
-    margin = 0.01 * size  # a surface hides points that are farther behind it than this
+    margin = 0.01 * size  # a surface hides points farther behind it than this margin
     depth = _DepthPicture.from_mesh(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
@@ -73,7 +72,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Grid of depths: (w, h) largest third coordinate in each cell, -inf in empty cells."""
+    """Grid of depths (w, h): largest third coordinate in each cell, -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -100,10 +99,9 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return (k,) True if all nine cells around a point (k, 3) are in front of the point by the margin."""
-        cell_index = np.clip(
-            ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2
-        )
+        """Return True for points (k, 3) if all nine cells around the point are in front of it by the margin."""
+        cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
+        cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
         for i in (-1, 0, 1):
             for j in (-1, 0, 1):
@@ -132,12 +130,12 @@ PAPER_MARGIN = 10.0
 VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)
 """Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales are these numbers times a power of ten."""
+"""Usual scales are one of these numbers times a power of ten."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedView:
-    """A view on paper: its upper left corner and its size, millimetres from the paper's upper left corner."""
+    """A view on paper. corner : upper left corner, millimetres from the paper's upper left corner."""
 
     view: DrawingView
     corner: tuple[float, float]
@@ -145,7 +143,7 @@ class PlacedView:
 
     @property
     def size(self) -> Floats:
-        """(2,) width and height on paper, millimetres."""
+        """Width and height on paper (2,), millimetres."""
         return np.asarray(self.view.extent / self.scale)
 
     def on_paper(self, points: Floats) -> Floats:
@@ -156,9 +154,7 @@ class PlacedView:
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
     """Return the views in rows on paper, and the largest usual scale (mm per mm of paper) at which they fit.
-
-    title : width and height of the block that stays free in the lower right corner, millimetres.
-    """
+    title : width and height of the block that stays free in the lower right corner, millimetres."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
     choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]
@@ -195,10 +191,8 @@ def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float,
     sizes = [_row_size(row, scale) for row in rows]
     total = sum(height for _, height in sizes)
     beside_title = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
-    gap = max(
-        (PAPER[1] - 2 * PAPER_MARGIN - (0 if beside_title and len(rows) > 1 else title[1]) - total) / (len(rows) + 1),
-        0.0,
-    )
+    height_left = PAPER[1] - 2 * PAPER_MARGIN - (0 if beside_title and len(rows) > 1 else title[1]) - total
+    gap = max(height_left / (len(rows) + 1), 0.0)
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )

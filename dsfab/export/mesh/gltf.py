@@ -16,13 +16,11 @@ from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colo
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers that the glTF standard gives to kinds of arrays."""
+"""Numbers of the glTF standard for kinds of arrays."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer with vertices and
-    faces.
-    """
+    """Yield the header of 12 bytes, a chunk of JSON about the buffer, and the buffer with vertices and faces."""
     points = y_upwards(part.V / MM_PER_M).astype("<f4")
     yield from glb_chunks(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
 
@@ -37,7 +35,7 @@ def glb_chunks(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh in millimetres."""
+    """Read the file back with trimesh and compare the mesh in millimetres with the part."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, millimetres(V), F)
 
@@ -87,7 +85,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh as a scene and compare the members."""
+    """Read the file back with trimesh as a scene and compare the members with those of the part."""
     import trimesh
 
     scene, meshes = trimesh.load_scene(path, process=False), {}

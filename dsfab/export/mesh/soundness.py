@@ -1,4 +1,4 @@
-"""Soundness of a triangle mesh: closed, manifold, facing outward, without self-intersections; its shells and voids."""
+"""Soundness of a triangle mesh: closed, manifold, facing outwards, without self-intersections; its shells and voids."""
 
 from dataclasses import dataclass
 
@@ -13,11 +13,9 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
-    """Return the shell (m,) of each triangle, and the shells of each solid: the outer one first, then its voids.
-
+    """Return the shell (m,) of each triangle, and the shells of each solid: the outer shell first, then its voids.
     A shell with positive volume is an outer shell. A void is a shell whose triangles face inwards; it belongs to the
-    smallest outer shell around it. Raises ExportError for a void without an outer shell.
-    """
+    smallest outer shell around it. Raises ExportError for a void without an outer shell."""
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
     outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
@@ -36,8 +34,7 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 
 def winding(point: Floats, V: Floats, F: Ints) -> float:
     """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside.
-
-    Formula: van Oosterom, Strackee 1983."""
+    Source: van Oosterom, Strackee 1983."""
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]
@@ -49,16 +46,16 @@ FAULTS = {
     "open": "{} edges have one triangle only: there is a hole in the skin",
     "crowded": "{} edges have more than two triangles: parts touch along a line",
     "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
-    "repeated": "{} triangles repeat an earlier one",
+    "repeated": "{} triangles are copies of other triangles",
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""Text about each kind of fault for the person who repairs the mesh."""
+"""Description of each kind of fault for the person who repairs the mesh."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault of a mesh: its kind, how often it occurs, and the place of the first occurrence, metres."""
+    """A fault of a mesh: its kind, the number of occurrences, and the place of the first, metres."""
 
     kind: str
     count: int
@@ -66,7 +63,7 @@ class Fault:
 
     @property
     def message(self) -> str:
-        """Message: the count, and the meaning of the fault."""
+        """Number and description of the fault."""
         return FAULTS[self.kind].format(self.count)
 
 
@@ -77,12 +74,11 @@ class Soundness:
     faults    : empty for a sound mesh. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
                 `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
                 `crossing` pairs of triangles.
-    pinches   : points where two parts touch with corners only; not a fault, because both parts are sound.
+    pinches   : number of points where two parts touch with corners only; not a fault, because both parts are sound.
     tested    : True if crossings were tested; the test needs an oriented manifold.
-    shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
-    crossings : (k, 2) crossing triangles of the last test.
-    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2.
-    """
+    shells    : number of closed surfaces; a hollow body has two.    pieces : number of connected bodies of material.
+    crossings : (k, 2) pairs of triangles that cross.
+    volume    : m3, from the orientation of the triangles; valid for closed meshes only.     area : m2."""
 
     faults: tuple[Fault, ...]
     pinches: int
@@ -105,15 +101,12 @@ class Soundness:
 
     @property
     def sound(self) -> bool:
-        """True for a mesh without faults."""
         return not self.faults
 
 
 def soundness(V: Floats, F: Ints) -> Soundness:
     """Measure a mesh and find its faults.
-
-    V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside.
-    """
+    V : (n, 3) metres, distinct points.     F : (m, 3) counter-clockwise seen from outside."""
     edges = edge_table(F)
     middles = V[edges.ends].mean(axis=1)
     crowded = np.flatnonzero(edges.count > 2)

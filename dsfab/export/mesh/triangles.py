@@ -21,18 +21,16 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def prepare_stl(part: Part) -> Part:
-    """Return the part in single precision with vertices merged by position, because STL has no indices."""
+    """Return the part in single precision, with vertices merged by position, because STL has no indices."""
     part = in_single_precision(part)
     V, F = merged_mesh(part.V, part.F)
     return replace(part, V=V, F=F)
 
 
 def encode_stl(part: Part) -> Iterator[bytes]:
-    """Yield the header, the number of triangles, then 50 bytes for each.
-
-    The header must not begin with "solid", because readers recognise the text variant by it. It ends with a zero,
-    because admesh prints it as a C string.
-    """
+    """Yield the header, the number of triangles, then 50 bytes for each triangle.
+    The header must not begin with "solid", because readers recognise the text variant by this word. It ends with a
+    zero, because admesh prints it as a C string."""
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -45,19 +43,19 @@ def encode_stl(part: Part) -> Iterator[bytes]:
 
 
 def check_stl(part: Part, path: Path) -> ReadBack:
-    """Read the file back with libigl and compare the mesh."""
+    """Read the file back with libigl and compare the mesh with the part."""
     return check_mesh(part, *merged_mesh(*read_with_igl(path)))
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """Yield one line per vertex and per face, with 17 digits because a double needs them."""
+    """Yield one line per vertex and per face, with the 17 digits that a double needs."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
 
 
-def check_obj(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh."""
+def check_with_trimesh(part: Part, path: Path) -> ReadBack:
+    """Read the file back with trimesh and compare the mesh with the part."""
     return check_mesh(part, *read_with_trimesh(path))
 
 
@@ -70,22 +68,17 @@ def encode_off(part: Part) -> Iterator[bytes]:
     yield from (text.encode("ascii") for text in rows("3 %d %d %d\n", *part.F.T))
 
 
-def check_off(part: Part, path: Path) -> ReadBack:
-    """Read the file back with trimesh and compare the mesh."""
-    return check_mesh(part, *read_with_trimesh(path))
-
-
 def encode_ply(part: Part) -> Iterator[bytes]:
     """Yield header, vertices and faces in little-endian binary form."""
     return ply_chunks(part.V, part.F, "millimetre")
 
 
 def check_ply(part: Part, path: Path) -> ReadBack:
-    """Read the file back with libigl; compare also its length, because libigl accepts a file without its last face."""
+    """Read the file back with libigl; also compare its length, because libigl accepts a file without its last face."""
     read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode_ply(part))) - path.stat().st_size
     if short > 0:
-        raise ExportError(f"{part.name!r} reads back {short} bytes short; free some space or write another format")
+        raise ExportError(f"the file of {part.name!r} lacks {short} bytes; free some space or write another format")
     return read
 
 
@@ -104,7 +97,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:
-    """Yield the zip archive in one piece, because the header of each entry states the entry's size."""
+    """Yield the zip archive in one piece, because the header of each entry contains the entry's size."""
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
         contents = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS, "3D/3dmodel.model": "".join(_model(part))}
@@ -137,9 +130,7 @@ def check_3mf(part: Part, path: Path) -> ReadBack:
     mesh = meshes.GetCurrentMeshObject()
     result = check_mesh(part, *_arrays(mesh))
     if not mesh.IsManifoldAndOriented():
-        raise ExportError(
-            f"lib3mf says that {part.name!r} is not manifold; look for edges with four triangles, or write STL"
-        )
+        raise ExportError(f"{part.name!r} is not manifold by lib3mf; repair edges with four triangles, or write STL")
     return result
 
 
@@ -159,5 +150,5 @@ def _model(part: Part) -> Iterator[str]:
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
-    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # types of lib3mf
+    V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # lib3mf stores these types
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

@@ -24,10 +24,10 @@ if TYPE_CHECKING:
 COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
-Q_LESS = "q is one order less accurate than m, and too small by up to a fifth on ribs 3 or 4 faces wide"
+Q_LESS = "q is one order less accurate than m, and up to a fifth too small on ribs 3 or 4 faces wide"
 SHEET_FORMAT = "%.8g"
 READ = 1e-6
-"""Relative tolerance of numbers read back, as a share of the largest number of the column."""
+"""Largest error of numbers that are read back, as a share of the largest number of the column."""
 
 
 def prepare_fields(part: Part) -> Part:
@@ -55,7 +55,7 @@ def encode_sheet(part: Part) -> Iterator[bytes]:
 
 
 def check_sheet(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back with numpy and compare them."""
+    """Read the numbers of the file back with numpy and compare them with the part."""
     faces, names, cases = _scalars(_faces(part)), _names(part), part.details.section_forces
     head = len(CONVENTION) + 3
     width = 2 + len(faces) + len(names)
@@ -124,13 +124,13 @@ def _line(words: list[str]) -> str:
 
 
 MEMBER_NOTES = (
-    "what members bear at their sections, summed up from n, m and q of the cut sheet",
+    "forces of members at their sections, summed from n, m and q of the cut sheet",
     "units: metres, newtons, newton metres",
-    "x along the member, from the first node of its bay on; z: normal of the surface; y = z cross x, to the left",
-    "on a section that x points out of: N positive is tension; My positive stretches the side of the normal",
+    "x along the member, from the first node of its bay; z: normal of the surface; y = z cross x, to the left",
+    "on a section with outward normal x: N positive is tension; My positive stretches the side of the normal",
     "Mz positive stretches the right side; Mt turns about x; Vy and Vz act along y and z",
-    "least and greatest: of all cases and combinations, each number by itself",
-    "bays end where joints begin; Vz is the weak one: up to a fifth of it is missing in ribs of 3 or 4 faces",
+    "least and greatest: of all cases and combinations, separately for each number",
+    "bays end where joints begin; Vz is the least accurate: in ribs of 3 or 4 faces up to a fifth too small",
 )
 
 
@@ -147,7 +147,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back with numpy and compare them."""
+    """Read the numbers of the file back with numpy and compare them with the part."""
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
@@ -190,7 +190,7 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
-    """Read the numbers back with the standard library's readers of archives and XML, and compare them."""
+    """Read the numbers back with readers of the standard library, and compare them with the part."""
     cells, members = workbook_cells(path), _forces(part)
     if len(cells) != len(members) + 2:
         raise count_error(part, "sheets", len(members) + 2, len(cells))
@@ -208,9 +208,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return names of members as distinct sheet names: at most 31 characters, none of []:*?/\\', upper case equal to
-    lower.
-    """
+    r"""Return distinct sheet names of members: at most 31 characters, none of []:*?/\\', whatever the case."""
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
         word = member.translate(NOT_IN_NAMES)[:width]
@@ -240,7 +238,6 @@ def _rows(along: "MemberForces") -> Iterator[list[Any]]:
 
 
 def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
-    """Return for each member and each force the row with the largest magnitude, and its place."""
     for member, along in members.items():
         cases, tables = list(along.forces), np.stack(list(along.forces.values()))
         for column, name in enumerate(COLUMNS):
@@ -249,7 +246,7 @@ def _largest(members: Mapping[str, "MemberForces"]) -> Iterator[list[Any]]:
 
 
 UTILISATION_NOTES = (
-    "what members bear over what they can bear, bay by bay, the worst first; 1 is full",
+    "utilisation: force over resistance of members, for each bay, the largest first; the limit is 1",
     "units: metres, newtons, newton metres; forces as in member_forces.csv, where that check decides",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
@@ -276,7 +273,6 @@ def _utilisation(part: Part) -> "Utilisation":
 
 
 def _checked_numbers(utilisation: "Utilisation", bay: int) -> list[float]:
-    """Return the utilisation of a bay, the six forces of the check that governs, and the utilisation by each check."""
     _, case, station = utilisation.governing(bay)
     forces = utilisation.bays.forces[case][bay, station]
     return [utilisation.largest[bay], *forces.tolist(), *utilisation.worst[bay].tolist()]
@@ -294,7 +290,7 @@ def _number(value: float) -> str:
 
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
-    """Read the numbers of the file back and compare them."""
+    """Read the numbers of the file back and compare them with the part."""
     utilisation = _utilisation(part)
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]

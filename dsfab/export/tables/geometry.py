@@ -31,7 +31,7 @@ def encode_csv(part: Part) -> Iterator[bytes]:
 
 
 def check_csv(part: Part, path: Path) -> ReadBack:
-    """Read the rows of the file back and compare the lines."""
+    """Read the rows of the file back and compare the lines with those of the part."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     lines = [
@@ -59,7 +59,7 @@ def encode_json(part: Part) -> Iterator[bytes]:
 
 
 def check_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare the lines."""
+    """Read the JSON object back and compare the lines with those of the part."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
 
@@ -79,7 +79,7 @@ def encode_members_json(part: Part) -> Iterator[bytes]:
 
 
 def check_members_json(part: Part, path: Path) -> ReadBack:
-    """Read the JSON object back and compare the members and nodes."""
+    """Read the JSON object back and compare its members and nodes with those of the part."""
     content = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
         check_ids(part, key, [entry["id"] for entry in content[key]])
@@ -87,19 +87,18 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
 
 
 def check_ids(part: Part, key: str, names: list[str]) -> None:
-    """Raise ExportError unless the names are the names of the part's members, or of its nodes."""
+    """Raise ExportError unless the names are those of the part's members or nodes; key : "members" or "nodes"."""
     expected = [item.id for item in getattr(graph_of(part), key)]
     if names != expected:
         raise count_error(part, key, len(expected), len(names))
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:
-    """Return the content read back: members, and the error of their total length `length_read` in millimetres."""
+    """Return the content read back: members, and the relative error of their total length `length_read` (mm)."""
     members = graph_of(part).members
     length_expected = sum(rounded_mm(member.length) for member in members)
-    return ReadBack(
-        len(members), "members", length_read / length_expected - 1 if length_expected else float("nan"), "length"
-    )
+    error = length_read / length_expected - 1 if length_expected else float("nan")
+    return ReadBack(len(members), "members", error, "length")
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
@@ -113,14 +112,14 @@ def encode_nodes(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the rows of members back and compare them."""
+    """Read the rows of members back and compare them with those of the part."""
     rows = _rows(path)
     check_ids(part, "members", [row["id"] for row in rows])
     return length_error(part, sum(float(row["length_mm"]) for row in rows))
 
 
 def check_nodes(part: Part, path: Path) -> ReadBack:
-    """Read the rows of nodes back and compare them."""
+    """Read the rows of nodes back and compare them with those of the part."""
     rows = _rows(path)
     check_ids(part, "nodes", [row["id"] for row in rows])
     return ReadBack(len(rows), "nodes")

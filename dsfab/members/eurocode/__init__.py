@@ -2,8 +2,7 @@
 
 grades   characteristic strengths by material, durations of loads, k_mod
 checks   bays with sections and forces, names and clauses of checks, their utilisation; stress over strength
-steel    EN 1993-1-1 of flats        timber   EN 1995-1-1 of laths        rules   the check of a whole structure
-"""
+steel    EN 1993-1-1 for flats        timber   EN 1995-1-1 for laths        rules   the check of a whole structure"""
 
 from dsfab.members.eurocode.checks import CodeCheck, MemberBays, Utilisation
 from dsfab.members.eurocode.grades import DURATIONS, STEEL, TIMBER, Duration, SteelGrade, TimberGrade, shortest

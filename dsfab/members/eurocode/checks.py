@@ -1,4 +1,4 @@
-"""Bays of members with rectangular sections and forces, checks with name and clause, and their utilisation."""
+"""Bays of members with rectangular sections and forces, checks with name and clause, and utilisation of the bays."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,14 +17,14 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 class MemberBays:
     """Bays (b) of members, each with five stations; lengths in metres.
 
-    member, name : (b,) of the member, and "N012 N013" of its nodes.
-    s         : (b, 5) along the axis of the member.    width : (b, 5) of the section.    thickness : of all sections.
-    length    : (b,) from node to node, along the axis.
+    member, name : (b,) name of the member, and of the bay by its nodes, "N012 N013".
+    s         : (b, 5) arc length along the axis of the member.    width : (b, 5) of the section.
+    thickness : of all sections.    length : (b,) from node to node, along the axis.
     curvature : (b, 5) normal curvature of the axis, 1/m.
     forces    : by case and combination, (b, 5, 6) N, Vy, Vz, N; Mt, My, Mz, Nm, see `dsfab.members.frame.MemberForces`.
 
           z, normal      width along y, thickness along z:
-          |  y           My bends the member with the surface (W = width thickness^2 / 6),
+          |  y           My bends the member out of the surface (W = width thickness^2 / 6),
         o-+-/----o       Mz bends it within the surface (W = thickness width^2 / 6)"""
 
     member: tuple[str, ...]
@@ -46,7 +46,6 @@ class MemberBays:
 
     @classmethod
     def from_forces(cls, graph: MemberGraph, forces: Mapping[str, MemberForces], thickness: float) -> "MemberBays":
-        """Return the bays of members with forces; thickness in metres."""
         rows = [_member_bays(graph, member_forces) for member_forces in forces.values()]
         names = list(dict.fromkeys(case for member_forces in forces.values() for case in member_forces.forces))
         if not rows:
@@ -93,19 +92,18 @@ class CodeCheck(NamedTuple):
 
 
 CheckRatios = dict[CodeCheck, Floats]
-"""Ratios of force to resistance by check: (b, 5) at the stations, or (b, 1) for the whole bay."""
+"""Force over resistance by check: (b, 5) at the stations of b bays, or (b, 1) for whole bays."""
 
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
     """Force over resistance of bays; 1 is the limit.
 
-    bays     : b bays.    checks : c checks.    standard : of the checks, or the reason for having no checks.
-    values   : by case or combination, (b, c), the largest along each bay.
+    bays     : b bays.    checks : c checks.    standard : name of the standard, or the reason why there is none.
+    values   : by case or combination, (b, c) largest value along each bay for each check.
     station  : by case, (b, c) station of this value, 0 to 4; 0 for a value of the whole bay.
     assumed  : sentences on assumptions.    unchecked : topics without a check.
-    combined : True if cases are combinations with partial factors.
-    """
+    combined : True if cases are combinations with partial factors."""
 
     bays: MemberBays
     checks: tuple[CodeCheck, ...]
@@ -124,7 +122,6 @@ class Utilisation:
 
     @cached_property
     def cases(self) -> tuple[str, ...]:
-        """Names of the cases and combinations."""
         return tuple(self.values)
 
     @cached_property
@@ -133,12 +130,12 @@ class Utilisation:
 
     @cached_property
     def worst(self) -> Floats:
-        """(b, c) largest value of all cases."""
+        """Largest value of all cases (b, c), for each bay and check."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
     def largest(self) -> Floats:
-        """(b,) largest value of all checks and cases."""
+        """Largest value of all checks and cases (b,), for each bay."""
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
@@ -149,7 +146,7 @@ class Utilisation:
 
     @cached_property
     def order(self) -> Ints:
-        """(b,) numbers of the bays by falling utilisation."""
+        """Numbers of the bays (b,) by falling utilisation."""
         return np.argsort(-self.largest, kind="stable")
 
     @cached_property
@@ -175,60 +172,60 @@ class Utilisation:
         over = [name for name, value in self.by_member.items() if value > 1]
         under = f" under {case}" if len(self.cases) > 1 else ""
         count = f"{len(over)} of {len(self.by_member)} members are over 100 %" if over else "no member is over 100 %"
-        return f"{self.bays.member[bay]} bears most, {self.largest[bay]:.0%} ({check}){under}; {count}"
+        return f"largest utilisation: {self.bays.member[bay]}, {self.largest[bay]:.0%} ({check}){under}; {count}"
 
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Sections with `width` along y and `thickness` along z, metres: (b, k) both, k along b bays."""
+    """Rectangular sections with `width` along y and `thickness` along z, metres: (b, k), k sections in each bay."""
 
     width: Floats
     thickness: Floats
 
     @cached_property
     def area(self) -> Floats:
-        """(b, k) areas, m2."""
+        """Areas (b, k), m2."""
         return np.asarray(self.width * self.thickness)
 
     @cached_property
     def Wy(self) -> Floats:  # noqa: N802 - its name in the field
-        """(b, k) elastic modulus for My, m3."""
+        """Elastic modulus for My (b, k), m3."""
         return np.asarray(self.width * self.thickness**2 / 6)
 
     @cached_property
     def Wz(self) -> Floats:  # noqa: N802
-        """(b, k) elastic modulus for Mz, m3."""
+        """Elastic modulus for Mz (b, k), m3."""
         return np.asarray(self.thickness * self.width**2 / 6)
 
     @cached_property
     def iy(self) -> Floats:
-        """(b, k) radii of gyration for bending with the surface, metres."""
+        """Radii of gyration for bending out of the surface (b, k), metres."""
         return np.asarray(self.thickness / np.sqrt(12))
 
     @cached_property
     def iz(self) -> Floats:
-        """(b, k) radii of gyration for bending in the surface, metres."""
+        """Radii of gyration for bending in the surface (b, k), metres."""
         return np.asarray(self.width / np.sqrt(12))
 
     @cached_property
     def lying(self) -> Floats:
-        """(b, k) 1 if the strong axis is z (wider than thick); else 0."""
+        """1 for sections (b, k) whose strong axis is z (wider than thick); else 0."""
         return np.asarray((self.width >= self.thickness).astype(np.float64))
 
     @cached_property
     def weak(self) -> Floats:
-        """(b, k) second moments about the weak axis, m4."""
+        """Second moments about the weak axis (b, k), m4."""
         a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
         return np.asarray(a * t**3 / 12)
 
     @cached_property
     def It(self) -> Floats:  # noqa: N802
-        """(b, k) St. Venant's torsion constant, m4."""
+        """St. Venant's torsion constant (b, k), m4."""
         return torsion_constant(self.width, self.thickness)
 
     @cached_property
     def Wt(self) -> Floats:  # noqa: N802
-        """(b, k) torque over largest shear stress, m3 [Roark, table 10.1, case 4]."""
+        """Torque over largest shear stress (b, k), m3 [Roark, table 10.1, case 4]."""
         a = np.maximum(self.width, self.thickness) / 2
         r = np.minimum(self.width, self.thickness) / 2 / a
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
@@ -240,16 +237,16 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """(b, k) critical uniform moment (Nm) of lateral buckling for bay lengths in metres: pi / L sqrt(E I G It).
+        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths (m): pi / L sqrt(E
+        I G It).
         Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
-    It depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. A linear
-    moment
-    has 0.6 + 0.4 psi."""
+    """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
+    It depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. For a linear
+    moment it is 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])
@@ -269,7 +266,7 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> CheckRatios:
-    """Return the largest von Mises stress of an elastic section over a strength, Pa, for forces (b, 5, 6).
+    """Return the largest von Mises stress of an elastic section over a strength (Pa), for forces (b, 5, 6).
     bent : (b, 5) stress from bending members into shape, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))

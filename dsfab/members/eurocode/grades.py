@@ -9,15 +9,14 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """A steel grade.
-    yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
+    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first."""
 
     name: str
     yields: tuple[tuple[float, float], ...]
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Return the yield strength (Pa) of a plate of a thickness in metres; beyond the table its last value."""
+        """Return the yield strength (Pa) of a plate of a thickness (m); beyond the table its last value."""
         return next((value for limit, value in self.yields if thickness <= limit * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
@@ -31,8 +30,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Thicknesses (m) at which yield strengths step: EN 1993-1-1 has two steps up to 80 mm, EN 10025 has the others."""
-
+"""Thicknesses (m) at which yield strengths step: up to 80 mm those of EN 1993-1-1, above those of EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (
@@ -50,11 +48,9 @@ Product = Literal["solid timber", "glulam", "LVL"]
 @dataclass(frozen=True)
 class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`.
-
     E05, G05 : 5 % quantiles of the moduli.
-    fm_flat, fv_flat : for flatwise bending, where LVL has other values.
-    size : exponent s of LVL's size effect.
-    """
+    fm_flat, fv_flat : values for flatwise bending, which differ for LVL.
+    size : exponent s of the size effect of LVL."""
 
     name: str
     product: Product
@@ -99,7 +95,6 @@ TIMBER = {
 }
 """Timber by name."""
 
-
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
 """Load durations from over ten years to moments [EN 1995-1-1, table 2.1]."""
@@ -111,7 +106,7 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
     2: (0.6, 0.7, 0.8, 0.9, 1.1),
     3: (0.5, 0.55, 0.65, 0.7, 0.9),
 }
-"""Factors of solid timber, glulam and LVL [EN 1995-1-1, table 3.1], by `DURATIONS`."""
+"""Factors k_mod of timber products [EN 1995-1-1, table 3.1], by service class, in the order of `DURATIONS`."""
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:

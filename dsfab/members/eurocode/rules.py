@@ -1,4 +1,4 @@
-"""Check bays of members by the standard of their material, case by case."""
+"""Checks of the bays of members by the standard of their material, for each case."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -16,24 +16,23 @@ from dsfab.members.eurocode.steel import SteelFactors
 from dsfab.members.eurocode.timber import TimberFactors
 
 UNCHECKED = (
-    "joints: bolts, welds, holes, splices, and what happens within nodes",
-    "stability of the structure as a whole: nodes are taken as held, so that bays buckle one by one",
+    "joints: bolts, welds, holes, splices, and stress within nodes",
+    "stability of the structure as a whole: nodes count as supported, so that bays buckle separately",
     "effects of displacements on forces (second order), and imperfections of the surface",
     "slip between layers: sections are solid, as thick as the sheet",
     "plates, discs, fills and stubs without a bay between two nodes",
     "fire, fatigue, brittle fracture, corrosion; displacements",
 )
-"""Topics without a check here."""
+"""Topics that dsfab does not check."""
 
 
 @dataclass(frozen=True)
 class Rules:
     """Rules for checking members.
-
-    material  : its name, or ''.    young, shear : moduli, Pa.    strength : Pa, of materials without a standard here.
-    durations : of loads, by case and combination.    steel, timber : factors.    loads : sentence on the loads.
-    combined  : True if cases are combinations with partial factors.
-    """
+    material  : name of the material, or ''.    young, shear : moduli, Pa.
+    strength  : Pa, for materials without a standard in dsfab.    durations : of loads, by case and combination.
+    steel, timber : factors.    loads : sentence on the loads.
+    combined  : True if cases are combinations with partial factors."""
 
     material: str
     young: float
@@ -74,12 +73,12 @@ def _method(rules: Rules, thickness: float) -> CheckMethod:
         return _timber_method(timbers, rules)
     if not rules.strength:
         raise StaticsError(NO_STRENGTH)
-    what = f"{rules.material} is in none of the standards here" if rules.material else "the preset names no material"
+    what = f"dsfab has none for {rules.material}" if rules.material else "the preset names no material"
     bent = _bent(rules)
     return (
         lambda bays, case: plain_checks(bays, bays.forces[case], rules.strength, bent(bays)),
         f"no standard: {what}; stress over the strength of the preset, {rules.strength / 1e6:g} MPa",
-        iter(["The material is alike in all directions, and nothing is looked at that buckles."]),
+        iter(["The material counts as isotropic, and buckling is not checked."]),
     )
 
 
@@ -96,7 +95,7 @@ def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> 
     yield f"Strengths: {grade.source}, plates of {length(thickness)}."
     if not grade.covers(thickness):
         limit = length(grade.yields[-1][0])
-        yield f"The table ends at {limit}: for {length(thickness)} its last strength is taken, which is too high."
+        yield f"The table ends at {limit}: for {length(thickness)} the check uses its last strength, which is too high."
     yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
     yield (
         f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes, curve {factors.curve} "
@@ -124,13 +123,12 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
     yield "Size factors that add strength (3.2, 3.3) are left out; shear with k_cr (6.1.7), torsion apart (6.1.8)."
     if factors.layer:
         yield (
-            f"Layers of {length(factors.layer)} are bent into shape from straight: E t kn / 2 is added to the bending "
-            "stress and does not relax; alone it is checked as a permanent one."
+            f"Straight layers of {length(factors.layer)} are bent into shape: their stress E t kn / 2 adds to the "
+            "bending stress and does not relax; by itself it is checked as a permanent stress."
         )
     else:
-        yield "Members are made in their shape: nothing is bent in (eurocode.bent_in)."
+        yield "Members are made in their final shape, so no bending into shape adds stress (eurocode.bent_in)."
 
 
 def _bent(rules: Rules) -> Callable[[MemberBays], Floats]:
-    """Function that returns (b, 5) stresses from bending layers into shape, Pa."""
     return lambda bays: np.asarray(rules.young * rules.timber.layer * np.abs(bays.curvature) / 2)

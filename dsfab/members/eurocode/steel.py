@@ -1,4 +1,4 @@
-"""EN 1993-1-1:2005, 6.2 and 6.3, of flats: rectangles of structural steel without holes."""
+"""EN 1993-1-1:2005, 6.2 and 6.3, for flats: rectangles of structural steel without holes."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ Curve = Literal["a0", "a", "b", "c", "d"]
 ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
 """Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
 SIDEWAYS: Curve = "d"
-"""Curve of lateral torsional buckling for sections other than I [EN 1993-1-1, table 6.4]."""
+"""Curve of lateral torsional buckling for sections that are not I-shaped [EN 1993-1-1, table 6.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
@@ -30,7 +30,7 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 class SteelFactors:
     """Factors of steel checks.
     curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0, gamma_m1 : partial factors of
-    sections and members [6.1]. buckling_length : over the distance of nodes."""
+    sections and members [6.1]. buckling_length : buckling length over the distance between nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -41,7 +41,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """Return force over resistance of bays under forces (b, 5, 6). elastic : Young's and shear modulus, Pa."""
+    """Return force over resistance of bays under forces (b, 5, 6). elastic : Young's modulus and shear modulus, Pa."""
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     fy = grade.fy(bays.thickness)
     ratios = section_checks(section, forces, fy / factors.gamma_m0)
@@ -51,11 +51,9 @@ def steel_checks(
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
-
     The shear stress is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of
-    its
-    plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32) in
-    (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
+    its plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32)
+    in (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
@@ -73,7 +71,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios
 
 
 def reduction(slenderness: Floats, curve: Curve) -> Floats:
-    """(b, k) factor chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
+    """Return the factor chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to a slenderness of 0.2."""
     phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
     chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))
@@ -82,7 +80,7 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
-    """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
+    """Return the checks (b, 1) of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
     The largest compression and the largest moments of a bay act together on its narrowest section. Moments are divided
     by
     elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
@@ -107,7 +105,8 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """The larger of (6.61) and (6.62); slenderness, n, m and C_m about both axes, and m over chi_LT."""
+    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, n, m, C_m about that axis; tilted : m
+    over chi_LT."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

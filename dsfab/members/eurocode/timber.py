@@ -1,4 +1,4 @@
-"""EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3, of laths: rectangles of timber along the grain."""
+"""EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3, for laths: rectangles of timber along the grain."""
 
 from dataclasses import dataclass
 
@@ -12,15 +12,15 @@ STANDARD = "EN 1995-1-1"
 GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 """Partial factors [EN 1995-1-1, table 2.3]."""
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
-"""Share of the width that cracks leave for shear [EN 1995-1-1, 6.1.7 (2)]."""
+"""Effective share of the width for shear in spite of cracks [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
 """Imperfection factors of members [EN 1995-1-1, (6.29)]."""
 K_M = 0.7
-"""Factor of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
+"""Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
 STRAIGHT = 0.3
-"""Relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)]."""
+"""Largest relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)]."""
 LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0
-"""Sizes (m) above which the strength of LVL falls [EN 1995-1-1, 3.4]."""
+"""Height and length (m) above which the strength of LVL decreases [EN 1995-1-1, 3.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.1.2 (6.1)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.1.4 (6.2)")
@@ -36,8 +36,9 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 
 @dataclass(frozen=True)
 class TimberFactors:
-    """Factors of timber checks. service_class : 1 heated, 2 under a roof, 3 in the open.
-    gamma_m : partial factor; None takes that of table 2.3.    buckling_length : over the distance of nodes.
+    """Factors of timber checks.
+    service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None for that of table 2.3.
+    buckling_length : buckling length over the distance between nodes.
     layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
 
     service_class: ServiceClass = 2
@@ -66,7 +67,7 @@ def timber_checks(
 
 @dataclass(frozen=True, eq=False)
 class Stresses:
-    """(b, 5) Pa: axial, tension positive; bending with the surface and in it; shear along y and z; torsion."""
+    """Stresses (b, 5), Pa: axial, tension positive; bending out of and in the surface; shear along y and z; torsion."""
 
     axial: Floats
     my: Floats
@@ -77,7 +78,7 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, from bending into shape, added to the stress of My."""
+    """Return the stresses of forces (b, 5, 6); bent : (b, 5) stress from bending into shape, Pa, added to My."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     shear_area = K_CR[grade.product] * section.area
     return Stresses(
@@ -91,7 +92,7 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
 
 
 def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
-    """Both bending stresses over characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
+    """Return both bending stresses over characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
     deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 
@@ -105,7 +106,7 @@ def section_checks(
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
     pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
     a, t = (edge(section.width, section.thickness) for edge in (np.maximum, np.minimum))
-    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # as in amendment A2:2014
+    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # the limit of amendment A2:2014
     return {
         TENSION: tension,
         COMPRESSION: pressed,
@@ -118,20 +119,20 @@ def section_checks(
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """(b, k) factor k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    """Return the factor k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
 
 
 def beam_factor(slenderness: Floats) -> Floats:
-    """(b, k) factor k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
+    """Return the factor k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
     line = 1.56 - 0.75 * slenderness
     return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """(b, 1) checks of whole bays with the narrowest section, under their largest stresses; length : (b, 1), metres."""
+    """Return the checks (b, 1) of whole bays of lengths (b, 1), m: the narrowest section under the largest stresses."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

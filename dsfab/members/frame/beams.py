@@ -1,4 +1,4 @@
-"""Members as straight beams between nodes, with the loads and supports of the sheet on these nodes."""
+"""Members as straight beams between nodes, with the loads and supports of the sheet at these nodes."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -15,11 +15,11 @@ from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
 SHORT = 1e-3
-"""Nodes of a member count as one node if they are nearer than this share of its width."""
+"""Two nodes of a member count as one if their distance is below this share of its width."""
 
 
 class BeamRow(NamedTuple):
-    """A beam: nodes, local z, width and shift in metres, member, and the member's width over the bay's length."""
+    """A beam: its nodes, local z, width and shift (m), its member, and the member's width over the bay's length."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -31,8 +31,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`.
-    stout : (b,) member's width over its bay's length; 1 beside grazed members."""
+    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 next to grazing members."""
 
     ends: Ints
     normal: Floats
@@ -43,7 +42,6 @@ class Beams:
 
     @classmethod
     def from_rows(cls, rows: list[BeamRow]) -> "Beams":
-        """Return the rows as columns."""
         ends = np.array([row.ends for row in rows], dtype=np.int64).reshape(-1, 2)
         normal = np.array([row.normal for row in rows]).reshape(-1, 3)
         width, shift, stout = (np.array([row[k] for row in rows], dtype=np.float64) for k in (2, 3, 5))
@@ -55,7 +53,7 @@ class Beams:
         return Beams(ends[chosen], *shape, self.member[chosen], self.stout[chosen])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """Return the beams with links (k, 2) of a width (k,)."""
+        """Return the beams together with links (k, 2) of widths (k,)."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -68,7 +66,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return beams along all axes, and links; the nodes within bays are added to the joints."""
+    """Return beams along all axes, and links; the joints get new nodes within bays."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -79,7 +77,6 @@ def beams_along(joints: AxisJoints) -> Beams:
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
-    """Arc lengths and nodes along a member, in order; a closed member repeats its first node at the end."""
     axis = member.axis
     assert axis is not None
     stations = sorted(joints.on[member.id])
@@ -91,10 +88,8 @@ def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
     stations = [entry for entry in stations if begin - tolerance <= entry[0] <= end + tolerance]
     for s, is_first in ((begin, True), (end, False)):
         if not any(abs(place - s) < tolerance for place, _ in stations):
-            station = (
-                s,
-                joints.node(axis.frames_at(np.array([s]))[0][0], f"{member.id} {'begin' if is_first else 'end'}"),
-            )
+            name = f"{member.id} {'begin' if is_first else 'end'}"
+            station = s, joints.node(axis.frames_at(np.array([s]))[0][0], name)
             stations = [station, *stations] if is_first else [*stations, station]
     return stations
 
@@ -124,8 +119,8 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """(k, 2) widths to the left and right of the axis (m).
-    A disc has material on both sides of its ring, but an outline on the outer side only: its width is at least its area
+    """Return widths (k, 2), m, to the left and right of the axis.
+    A disc has material on both sides of its ring, but an outer outline only: its width is at least its area
     over its length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
@@ -133,11 +128,11 @@ def _sides(member: Member) -> Floats:
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """(k + 1,) arc lengths that divide a bay into joints and nearly straight beams, and (k,) extra widths at joints."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and extra widths (k,) at joints."""
     (s, t), axis = span, member.axis
     assert axis is not None
     half = fitting(np.array(joint_widths) / 2, t - s)
-    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints count as 0
+    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length
@@ -148,8 +143,8 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    # a joint is wider by half of the crossing member, as forces spread into it by 45 degrees; without this half, the
-    # compliances of tower, vaults and gridshell are 1.10, 1.02, 1.06 times the sheet's, with all of it .96, 1.00, .98
+    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees;
+    # measured compliance over that of the sheet for tower, vaults, gridshell: .96, 1.00, .98; without: 1.10, 1.02, 1.06
     into = 0.5
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
@@ -171,7 +166,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # these points along each beam select six candidates
+    count = 9  # the nearest of these points along each beam give six candidates
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -187,7 +182,7 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
 
 
 def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, beams: Beams) -> Floats:
-    """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
+    """Return forces and moments (n, 6), N and Nm, at nodes, from forces on the vertices V (v, 3) of a sheet.
     Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam carry
     it like supports of a simple beam. The sums of forces and moments are those of the sheet."""
     loads = np.zeros((len(points), 6))
@@ -200,9 +195,9 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
-    """Supports at nodes.
-    node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) middle of the supported vertices.
-    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres."""
+    """Supports at nodes; index h counts the supports.
+    node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) centre of the supported vertices.
+    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) m."""
 
     node: Ints
     place: Floats
@@ -213,8 +208,8 @@ class NodeSupports:
 
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
-    """Return the supports of a sheet, each at the node that is nearest along the nearest beam of nodes (n, 3).
-    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node."""
+    """Return the supports of a sheet, each at the nearest node of the nearest beam; points : (n, 3) nodes.
+    Where whole faces are fixed, for instance at column heads, neither the sheet nor the node can turn."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -247,7 +242,6 @@ def _clamped_vertices(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners; 0 without such faces."""
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
@@ -260,7 +254,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """(h, 2) length and width (m) of each group of points: root of twelve times their spread along two axes."""
+    """Return length and width (h, 2), m, of groups of points: root of twelve times their variance along two axes."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))

@@ -1,4 +1,4 @@
-"""`frame_of`: the beam model of a cut sheet from its members, nodes, loads and supports."""
+"""Construction of the beam model of a cut sheet (`frame_of`) from its members, nodes, loads and supports."""
 
 from collections.abc import Mapping
 
@@ -34,14 +34,12 @@ def frame_of(
     material: BeamMaterial,
 ) -> Frame:
     """Return the beam model of a cut sheet.
-
-    graph : its members.    surface : the sheet, whose vertices carry the loads of each case; all cases have equal
-            supports.
-    combinations : factors of cases, by name.    thickness : metres.
-    Raises StaticsError if no member has an axis, or if a part of the structure has no support.
-    """
+    graph        : members of the sheet.    surface : the sheet; its vertices carry the loads.
+    loads        : by case; all cases have equal supports.    combinations : factors of cases, by name.
+    thickness    : metres.
+    Raises StaticsError if no member has an axis, or if a part of the structure has no support."""
     if not any(member.axis for member in graph.members):
-        raise StaticsError("the structure has no members with an axis, so there is no beam model of it: it is a sheet")
+        raise StaticsError("no member of the structure has an axis, so that a beam model is impossible; use the sheet")
     joints = joints_at_nodes(graph)
     join_ends(joints)
     add_hubs(joints)
@@ -76,7 +74,7 @@ def frame_of(
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
-    """Return the names with a number after each repeated name."""
+    """Return the names, with a number after each repeated name."""
     seen: dict[str, int] = {}
     unique = []
     for name in names:
@@ -86,7 +84,7 @@ def distinct_names(names: list[str]) -> tuple[str, ...]:
 
 
 def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    tolerance = 0.01  # as a share of the median width
+    tolerance = 0.01  # nodes nearer than this share of the median width merge
     pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
@@ -103,7 +101,7 @@ def _used_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats,
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:
-    """Link parts without a common node at their nearest nodes, because the sheet is connected there."""
+    """Link parts without a common node at their nearest nodes, because the sheet connects these parts."""
     while True:
         n = len(points)
         joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))
@@ -122,7 +120,6 @@ def _connect_parts(points: Floats, beams: Beams) -> Beams:
 def _with_supports(
     points: Floats, beams: Beams, names: list[str], supports: NodeSupports
 ) -> tuple[Floats, Beams, list[str], Bools, Floats]:
-    """Add a node on a link for each support beside the axes; return fixed directions (n, 6) and springs (n, 6) too."""
     count, apart = len(points), np.flatnonzero(supports.apart)
     where = supports.node.copy()
     where[apart] = count + np.arange(len(apart))
@@ -139,7 +136,7 @@ def _with_supports(
 
 
 def _local_z(points: Floats, beams: Beams) -> Floats:
-    """(b, 3) unit vectors across each beam, as near to the surface normal as possible."""
+    """Return unit vectors (b, 3) across each beam, as near to the surface normal as possible."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     axis = np.eye(3)[np.abs(x).argmin(axis=1)]

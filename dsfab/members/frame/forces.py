@@ -1,4 +1,4 @@
-"""Member forces: section forces of the sheet summed over planes across each member."""
+"""Member forces: section forces of the sheet, summed over planes across each member."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,15 +20,14 @@ Forces are averaged over these planes, because forces of a face are constant and
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across an axis cut faces, row by row.
+    """Lines in which planes across an axis cut faces; index c counts the lines, e their ends on free edges.
 
-    station : (c,) numbers of the stations.    face : (c,).    length : (c,) metres, over the planes of a station.
-    arm     : (c, 2, 3) metres from the axis to both ends of the line.
-    weight  : (c, 2, 3) of the corners of the face at both ends.
-    across  : (c, 3) unit vectors in the face, across the line, along the axis.
-    end_...  : the same at ends on free edges, weight (e, 3); `end_out` (e, 3) unit vectors along the line, out of the
-    face.
-    """
+    station : (c,) numbers of the stations.    face : (c,).    length : (c,) metres, over the number of planes.
+    arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
+    weight  : (c, 2, 3) weights of the face's corners at both ends.
+    across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
+    end_...  : the same quantities at ends on free edges, with weights (e, 3).
+    end_out : (e, 3) unit vectors along the line, out of the face."""
 
     station: Ints
     face: Ints
@@ -45,7 +44,7 @@ class Sections:
 
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
-    """Return the lines in which planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
+    """Return the lines in which planes at arc lengths (k,), m, of an axis cut the cells (c,) of a member."""
     offsets = surface.mean_edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     lengths = (stations[:, None] + offsets).ravel()
     P = axis.frames_at(lengths % axis.length if axis.closed else np.clip(lengths, 0, axis.length))[0]
@@ -59,7 +58,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """(c, 3) arc lengths of the corners of cells; along a closed axis the three lengths of a cell stay together."""
+    """Return arc lengths (c, 3) of the corners of cells; the three of a cell stay together on a closed axis."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -74,7 +73,6 @@ def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
 
 
 def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
-    """Pairs of planes and rows of cells (c, 3) that they cut."""
     low, high = s.min(axis=1), s.max(axis=1)
     hits = np.zeros((len(lengths), len(s)), dtype=bool)
     for turn in (0.0,) if np.isinf(period) else (-period, 0.0, period):
@@ -85,9 +83,7 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Weights (c, 2, 3) of the corners at both ends of the line where a level (c, 3) is zero on triangles; edges (c,
-    2).
-
+    """Return the zero line of a level (c, 3) in triangles: weights (c, 2, 3) of the corners at both ends, edges (c, 2).
     Each edge is given by the corner at which it begins."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
@@ -107,7 +103,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     length = np.linalg.norm(direction, axis=1)
     along = direction / np.maximum(length, np.finfo(float).tiny)[:, None]
     across = np.cross(along, surface.normals[face])
-    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner farthest along the axis
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # this corner is the farthest along the axis
     across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
     free = surface.edges.boundary[surface.edges.of[face]]
     rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, edges)])
@@ -131,7 +127,6 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
-    """(c, 2) position in `edges.of` of the edge that begins at each corner (c, 2)."""
     ends = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
     edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
@@ -146,20 +141,18 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 STATIONS = len(SHARES)
 """Number of stations of each bay."""
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""Section forces: x along the axis, z along the surface normal, y to the left; on a section whose outward normal is
-x."""
+"""Section forces: x along the axis, z along the surface normal, y to the left; on a section with outward normal x."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberForces:
-    """Forces of a member at stations of its axis.
+    """Forces of a member at stations of its axis; index k counts the stations.
 
-    member : its name.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
-    width  : (k,) width (m) of the section that was summed up.
+    member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
+    width  : (k,) width (m) of the section over which forces are summed.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
              Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side; Mt turns
-             about the axis.
-    """
+             about the axis."""
 
     member: str
     s: Floats
@@ -175,7 +168,7 @@ class MemberForces:
 
     @property
     def envelope(self) -> Floats:
-        """(k, 6, 2) least and greatest value of all cases and combinations."""
+        """Least and greatest value (k, 6, 2) of all cases and combinations."""
         every = np.stack(list(self.forces.values()))
         return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
 
@@ -214,7 +207,6 @@ def forces_along(
 def _force_sums(
     cut: Sections, axes: Floats, section_forces: SectionForces, graph: MemberGraph, normals: Floats
 ) -> Floats:
-    """(k, 6) components of F and M along local axes (k, 3, 3)."""
     source, z = graph.source[cut.face], normals[cut.face]
     frame = section_forces.frame[source]
     v = np.einsum("cai,ci->ca", frame, cut.across)
@@ -223,7 +215,7 @@ def _force_sums(
     m = np.einsum("ca,cai->ci", _times(section_forces.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", section_forces.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # forces are linear on lines
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # forces vary linearly on lines
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, section_forces, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))
@@ -232,7 +224,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """(e, 3) newtons at ends of lines on free edges, the mean over the planes of a station."""
+    """Return forces (e, 3), N, at ends of lines on free edges, the mean over the planes of a station."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
@@ -241,7 +233,7 @@ def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGrap
 
 
 def _times(tensor: Floats, v: Floats) -> Floats:
-    """(c, 2) products of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
+    """Return products (c, 2) of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
     x, y, xy = tensor.T
     return np.stack([x * v[:, 0] + xy * v[:, 1], xy * v[:, 0] + y * v[:, 1]], axis=1)
 

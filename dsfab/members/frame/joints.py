@@ -1,4 +1,4 @@
-"""Joints between axes of members: at nodes, at member ends, and at the middles of discs around points."""
+"""Joints between axes of members: at nodes, at member ends, and at the centres of discs around points."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,12 +12,11 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Two axes share one node if they are nearer than this share of the narrower width; otherwise a link joins them."""
+"""Two axes share one node if their distance is below this share of the narrower width; otherwise a link joins them."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """(2,) lengths (m) of the joints at both ends of a bay, reduced if they would leave less than a fifth of the
-    bay."""
+    """Return lengths (2,), m, of the joints at both ends of a bay, reduced so that a fifth of the bay remains."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -25,12 +24,10 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-
     points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
     links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
     ends   : by member, begin and end of its beams, metres along its axis.
-    grazed : nodes at which members share material beside their middles.
-    """
+    grazed : nodes at which members share material beside their middle lines."""
 
     graph: MemberGraph
     points: list[Floats] = field(default_factory=list)
@@ -42,7 +39,6 @@ class AxisJoints:
 
     @cached_property
     def members_with_axis(self) -> list[Member]:
-        """Members with an axis."""
         return [member for member in self.graph.members if member.axis is not None]
 
     def node(self, point: Floats, name: str) -> int:
@@ -52,7 +48,7 @@ class AxisJoints:
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """Return the node of a member at an arc length; add it if it does not exist."""
+        """Return the node of a member at an arc length; add a node if there is none."""
         assert member.axis is not None
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
@@ -71,7 +67,7 @@ class AxisJoints:
         return max((neighbour.mean_width for neighbour in self.other_members(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
-        """(3,) normal of the surface at a node of some member."""
+        """Return the normal (3,) of the surface at a node on an axis; zero if no axis has the node."""
         for member in self.other_members(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
@@ -88,7 +84,7 @@ class AxisJoints:
 
 
 def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
-    """Return the joints of a graph without the joints of ends; members without an axis have no joints."""
+    """Return the joints at the nodes of a graph; members without an axis have no joints, and ends are joined later."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.members_with_axis}
     for node in graph.nodes:
@@ -106,7 +102,7 @@ def joints_at_nodes(graph: MemberGraph) -> AxisJoints:
 
 def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float, float], name: str) -> tuple[int, int]:
     """Join two members at arc lengths of their axes, and return the nodes of both.
-    Near axes share one node; otherwise a link joins them, as wide as the narrower member."""
+    Axes near each other share one node; otherwise a link joins them, as wide as the narrower member."""
     node_a, node_b = (joints.place(member, s, name) for member, s in zip(members, lengths, strict=True))
     if node_a != node_b:
         joints.links.append((node_a, node_b, min(member.mean_width for member in members)))
@@ -120,7 +116,7 @@ def _distance(member: Member, s: float, t: float) -> float:
 
 
 Trees = Mapping[str, tuple[cKDTree, Floats]]
-"""Points along the axes by member, and their arc lengths."""
+"""Search trees of points along the axes by member, and the arc lengths of these points."""
 
 
 def join_ends(joints: AxisJoints) -> None:
@@ -137,7 +133,7 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
-            # a rest shorter than the joined member's width belongs to the joint
+            # a remainder shorter than the joined member's width belongs to the joint
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]
@@ -147,10 +143,10 @@ def join_ends(joints: AxisJoints) -> None:
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material.
 
-    Free ends join all such members; other ends join members that end there too. So the arms of a star stay connected,
-    also
-    across a few faces without an axis. The members must lie within the end's width. Ends with a node stay as they are:
-    bracing them would make the preset `cantilever` 6 % stiffer than its sheet."""
+    Free ends join all such members; all other ends join members that also end there. So the arms of a star stay
+    connected, even across a few faces without an axis. The members must lie within the end's width. Ends with a node
+    stay unchanged:
+    links between them would make the preset `cantilever` 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -167,7 +163,6 @@ def _join_touching(joints: AxisJoints, trees: Trees) -> None:
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:
-    """(count, k) incidence of edges and members, from the edges of each member."""
     columns = np.repeat(np.arange(len(edges)), [len(group) for group in edges])
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, len(edges)))
@@ -181,7 +176,6 @@ def _join_to(
     what: str,
     trees: Trees,
 ) -> None:
-    """Join an end (member, arc length, width) to its neighbours, unless a node or a link joins them already."""
     member, s, width = end
     for neighbour in neighbours:
         own_nodes = {number for along, number in joints.on[member.id] if abs(along - s) < width}
@@ -217,7 +211,7 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
-    """Ends of a member without a node: arc length, the member that it runs into or "free", and its width there (m)."""
+    """Yield ends without a node: arc length, the member that continues the end or "free", and the width there (m)."""
     assert member.axis is not None
     if not member.axis.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
@@ -231,7 +225,6 @@ def _point(member: Member, s: float) -> Floats:
 
 
 def _samples(member: Member) -> tuple[Floats, Floats]:
-    """(k,) arc lengths and (k, 3) points along a member, a quarter of its width apart."""
     assert member.axis is not None
     count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
     s = np.linspace(0, member.length, count + 1)
@@ -240,12 +233,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
-
-    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the
-    0.217 of
-    a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
-    1959, 19].
-    """
+    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the 0.217
+    of a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko,
+    Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

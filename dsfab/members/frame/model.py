@@ -1,4 +1,4 @@
-"""`Frame`: straight beams with sections, supports and loads; its solution, and agreement with the sheet."""
+"""`Frame`: straight beams with sections, supports and loads; its solution, and comparison with the sheet."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -15,13 +15,12 @@ from dsfab.statics import Equilibrium
 
 Combinations = Mapping[str, Mapping[str, float]]
 """Factors of cases by the names of combinations."""
-
 SHEAR = 5 / 6
 """Shear area of a rectangle over its area [Timoshenko 1921]."""
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
-    """St. Venant's torsion constant of rectangles, m4, to half a per cent [Roark, table 10.1, case 4].
+    """Return St. Venant's torsion constant of rectangles, m4, with an error of 0.5 % [Roark, table 10.1, case 4].
     width, thickness : (b,) metres, in any order."""
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
@@ -45,29 +44,29 @@ class BeamMaterial:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Straight beams of rectangular section between nodes. SI units; rows of six are translations, then rotations,
-    about the axes of the surface.
+    """Straight beams of rectangular section between nodes. SI units. The six numbers of a node are translations, then
+    rotations, about the axes of the surface. Index n counts the nodes, b the beams.
 
              z (normal of the surface)
              |  y (in the surface)        width along y, thickness along z
-        o====+==/=====o --> x             Mz bends the beam in the surface, My with it
+        o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) their names: those of the members' nodes, or of a member and a number.
+    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or of a member and a
+                number.
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
     member    : (b,) member of each beam, a number in `members`; -1 for a link, which stands for material away from the
-                axes: supported edges, middles of discs, members that graze each other.
-    members   : their names.
+                axes: supported edges, centres of discs, members that graze each other.
+    members   : names of the members.
     fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
-    loads     : by case, (n, 6) newtons and newton metres on the nodes, of tributary areas.
-    combinations : by name, the factor of each case.    actions : by case, permanent, snow, wind or variable; empty
+    loads     : by case, (n, 6) newtons and newton metres on the nodes, from tributary areas.
+    combinations : by name, the factor of each case.    actions : permanent, snow, wind or variable by case; {}
                 if unknown.
     eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
     stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
-                bay, because both are one wider piece there; 0 for links.
-    """
+                bay, because both form one wider piece there; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -104,17 +103,17 @@ class Frame:
 
     @cached_property
     def beam_members(self) -> tuple[str, ...]:
-        """(b,) name of each beam's member; '' for a link."""
+        """Name of each beam's member (b,); '' for a link."""
         return tuple(self.members[k] if k >= 0 else "" for k in self.member.tolist())
 
     @cached_property
     def length(self) -> Floats:
-        """(b,) lengths, metres."""
+        """Lengths (b,), metres."""
         return np.asarray(np.linalg.norm(self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]], axis=1))
 
     @cached_property
     def axes(self) -> Floats:
-        """(b, 3, 3) local x, y and z of each beam, unit vectors in rows."""
+        """Local x, y and z of each beam, unit vectors in rows (b, 3, 3)."""
         x = (self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]]) / self.length[:, None]
         y = np.cross(self.normal, x)
         y /= np.linalg.norm(y, axis=1)[:, None]
@@ -122,23 +121,23 @@ class Frame:
 
     @cached_property
     def area(self) -> Floats:
-        """(b,) areas of the sections, m2."""
+        """Areas of the sections (b,), m2."""
         return self.width * self.thickness
 
     @cached_property
     def shear_area(self) -> Floats:
-        """(b,) shear areas of the sections, m2."""
+        """Shear areas of the sections (b,), m2."""
         return SHEAR * self.area
 
     @cached_property
     def inertia(self) -> Floats:
-        """(b, 3) torsion constant, second moments about local y and about local z, m4."""
+        """Torsion constant, second moments about local y and about local z (b, 3), m4."""
         w, t = self.width, self.thickness
         return np.stack([torsion_constant(w, t), w * t**3 / 12, t * w**3 / 12], axis=1)
 
     @cached_property
     def all_loads(self) -> dict[str, Floats]:
-        """(n, 6) loads of each case, then of each combination."""
+        """Loads (n, 6) of each case, then of each combination, by name."""
         sums = {
             name: np.sum([factor * self.loads[case] for case, factor in factors.items()], axis=0)
             for name, factors in self.combinations.items()
@@ -155,8 +154,7 @@ class FrameAnswer:
     end      : (b, 2, 6) section forces at both ends of each beam in its own axes, N and Nm: N, Vy, Vz, Mt, My, Mz on a
                section whose outward normal is local x; N is positive for tension.
     energy   : (b,) elastic energy of each beam, J.
-    compliance : loads times displacements, J.
-    """
+    compliance : loads times displacements, J."""
 
     u: Floats
     reaction: Floats
@@ -173,8 +171,8 @@ class FrameAnswer:
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
     """Solve a frame for its cases and combinations; return the solutions by name.
-    shear : whether sections deform by shear; without shear, beams are those of Euler and Bernoulli. Raises StaticsError
-    for a frame that is free to move."""
+    shear : False for beams of Euler and Bernoulli, without shear deformation.
+    Raises StaticsError for a frame that is free to move."""
     k, turn = local_stiffness(frame, shear), _turn(frame)
     K = _stiffness_matrix(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
     free = ~frame.fixed.ravel()
@@ -183,7 +181,7 @@ def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
 
 
 def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
-    """(b, 12, 12) stiffness of each beam in its own axes: six unknowns of its first node, then six of its second."""
+    """Return the stiffness (b, 12, 12) of each beam in its own axes: six unknowns of each of its two nodes."""
     L, E, G = frame.length, frame.material.young, frame.material.shear
     torsion, about_y, about_z = frame.inertia.T
     k = np.zeros((len(L), 12, 12))
@@ -201,7 +199,7 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
 
 
 def _bending(L: Floats, phi: Floats) -> Floats:
-    """(b, 4, 4) stiffness for deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
+    """Return the stiffness (b, 4, 4) for deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
     twelve, far_end, near_end = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
     rows = [
         [twelve, 6 * L, -twelve, 6 * L],
@@ -230,7 +228,6 @@ def _stiffness_matrix(frame: Frame, k: Floats) -> csr_array:
 
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
-    """Return a function from loads to displacements, both (6 n,)."""
     inside = csc_array(csr_array(K + diags_array(frame.spring.ravel()))[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
     try:
@@ -243,7 +240,7 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         residual = np.abs(inside @ u[free] - f).max()
-        loose = 1e-5  # a frame that moves freely has a larger residual over loads
+        loose = 1e-5  # largest residual over loads of a frame that does not move freely
         if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
@@ -254,9 +251,8 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
 def _moves(frame: Frame) -> str:
     held_nodes = int(frame.fixed.any(axis=1).sum())
     return (
-        f"the beam model of {len(frame.members)} members moves freely, held at {held_nodes} of "
-        f"{len(frame.points)} nodes; "
-        "hold more of the surface, or join the members that hang loose (see the nodes in members.json)"
+        f"the beam model of {len(frame.members)} members moves freely, with supports at {held_nodes} of "
+        f"{len(frame.points)} nodes; add supports, or connect the loose members (see the nodes in members.json)"
     )
 
 
@@ -271,21 +267,21 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays of members wider than this share of their length do not act as beams, because joints take half of them."""
+"""Bays of members wider than this share of their length do not act as beams, because joints take half of the length."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
     """Results of a frame over those of its sheet for one case.
 
-    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the torsional stiffness of a
+    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the twisting stiffness of a
     bar.
 
-    compliance, displacement : 1 for equal results; the largest displacements are compared.
+    compliance   : ratio of the compliances, 1 for equal results.
+    displacement : ratio of the largest displacements, 1 for equal results.
     stout : share of the beams' elastic energy in links and in bays wider than 0.35 of their length or with grazing
             members; or of the sheet's energy in material outside of axes, if this share is larger.
-    twist : largest displacement of the sheet over that of a thin sheet.
-    """
+    twist : largest displacement of the sheet over that of a thin sheet."""
 
     case: str
     compliance: float
@@ -307,14 +303,14 @@ class FrameAgreement:
             "of its largest displacement"
         )
         if self.twist > 1.02:
-            sentence += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
+            sentence += f", which is {self.twist:.2f} times that of a thin sheet, because ribs twist as bars"
         if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return sentence
         where = (
-            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and where "
-            "members graze"
+            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and at "
+            "grazing members"
         )
-        why = "though its bays are slender" if self.slender else f"{where}, where beams are a rough model"
+        why = "although its bays are slender" if self.slender else f"{where}, where beams are a rough model"
         return f"{sentence}: {why}; take displacements from the sheet"
 
 
@@ -327,7 +323,7 @@ def agreement(
 ) -> list[FrameAgreement]:
     """Compare the solutions of the frame and the sheet for each case and combination of both.
     other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
-    twist : by case, see `FrameAgreement`."""
+    twist        : by case, see `FrameAgreement`."""
     stout = (frame.member < 0) | (frame.stout > STOUT)
     agreements = []
     for name in (name for name in answers if name in sheet):

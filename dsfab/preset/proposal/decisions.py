@@ -1,4 +1,4 @@
-"""Decisions for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
+"""Decisions about a mesh: the `Proposal`, which contains a preset for `dsfab build`."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -22,20 +22,20 @@ from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, 
 from dsfab.surface import Marks, RawMesh, Surface
 
 OWN = "roof"
-"""Shipped preset that stands for the user's own surface; `--mesh` replaces it by a proposal for that mesh."""
+"""Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and its decisions."""
+    """A preset for a mesh, as text with comments, and the decisions behind it."""
 
     given: UserMesh
     size: Sizes
     stands: tuple[Foot, ...]
     snow: bool
-    """Whether it carries snow, see `takes_snow`."""
+    """True if the surface carries snow, see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
-    """Marks in the file beside the surface, by layer; see `drawn_marks`."""
+    """Marks in the user's file beside the surface, by layer; see `drawn_marks`."""
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -44,7 +44,7 @@ class Proposal:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A line for each decision: topic, choice, and how to change it."""
+        """One line for each decision: topic, choice, and the key that changes it."""
         width = max(len(decision.topic) for decision in self.decisions)
         return tuple(
             f"{decision.topic:<{width}}  {decision.choice}" + (f"; change {decision.change}" if decision.change else "")
@@ -52,15 +52,14 @@ class Proposal:
         )
 
     def text(self, file: Path | None = None) -> str:
-        """Return the preset as TOML; for a mesh in Python the text names no file.
-        file : path of the mesh relative to the preset's folder; by default the user's path."""
+        """Return the preset as TOML; the text names no file for a mesh from Python.
+        file : path of the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
         return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
 
     @cached_property
     def preset(self) -> Preset:
-        """The preset itself."""
         values = tomllib.loads(self.text())
         if "mesh" in self.given.keys:
             values["surface"]["mesh"] = self.given.surface
@@ -70,8 +69,8 @@ class Proposal:
 
 
 def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
-    """Return a preset for the user's own surface, as `dsfab new` writes it.
-    mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
+    """Return a preset for the user's own surface; `dsfab new` writes the same preset.
+    mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
@@ -88,8 +87,8 @@ def propose(
     raw: RawMesh | None = None,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
-    max_triangles : limit of a mesh file, which also limits the cost of reading it. raw : content of the file, if the
-                    caller has read it."""
+    max_triangles : limit for a mesh file, which also limits the time of reading it.
+    raw           : content of the file, if the caller has read it."""
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
@@ -105,12 +104,12 @@ def propose(
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof: an open surface that does not cover any place twice in the view from above."""
+    """Return True for a roof: an open surface that does not overlap itself much in plan."""
     if is_figure(surface):
         return False
     up = surface.normals[:, 2] * surface.areas
     seen = float(np.abs(up).sum())
-    shown, once = 0.4, 1.2  # least projected area over the area; most projected area over its net value
+    shown, once = 0.4, 1.2  # limits of the projected area over the area, and over its net value
     return seen > shown * surface.area and seen < once * abs(float(up.sum()))
 
 
@@ -139,7 +138,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
-    yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+    yield Decision("files", "STL, 3MF, and STEP if it takes little time", "export.formats, export.step")
 
 
 def _load_words(surface: Surface, roof: bool) -> str:
@@ -147,7 +146,7 @@ def _load_words(surface: Surface, roof: bool) -> str:
     snow = (
         f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
     )
-    wind = "; dsfab new writes the lines for wind, too, which it does not carry yet"
+    wind = "; dsfab new also writes lines for wind, as comments"
     words = "its own weight" + (snow if roof or top else "")
     return words + (wind if not roof and wind_lines(surface) else "")
 
@@ -155,8 +154,8 @@ def _load_words(surface: Surface, roof: bool) -> str:
 def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
     points = [foot.points for foot in stands]
     if tips(surface, points):
-        return "; it is also held down there, for its middle lies beside"
-    line = "; it would turn about the line through them: hold it beside that line, too"
+        return "; it is also held down there, because its middle lies outside of them"
+    line = "; it would turn about the line through them: add a support beside that line"
     return line if turns(surface, points) else ""
 
 
@@ -178,10 +177,8 @@ def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[
     if not len(free):
         return
     first_piece = piece == free[0]
-    x, y, z = (
-        np.round(surface.areas[first_piece] @ surface.centroids[first_piece] / surface.areas[first_piece].sum(), 2)
-        + 0.0
-    ).tolist()
+    areas = surface.areas[first_piece]
+    x, y, z = (np.round(areas @ surface.centroids[first_piece] / areas.sum(), 2) + 0.0).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
     yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
@@ -190,7 +187,7 @@ def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[
 def _mesh(surface: Surface, size: Sizes) -> Decision:
     mean = length(surface.mean_edge)
     if not size.edge:
-        return Decision("mesh", f"kept as it is, with edges of {mean}", "surface.edge")
+        return Decision("mesh", f"unchanged, with edges of {mean}", "surface.edge")
     smooth = ", on the smooth surface through its vertices" if size.coarse else ""
-    words = f"made anew with edges of {length(size.edge)} (they are {mean}){smooth}; creases stay"
+    words = f"new, with edges of {length(size.edge)} (in the file {mean}){smooth}; creases stay"
     return Decision("mesh", words, "surface.edge, surface.smooth")

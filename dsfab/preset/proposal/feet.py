@@ -10,11 +10,11 @@ from dsfab.preset.proposal.reading import SOLE, is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, link_components
 
 LINE = 1 / 12
-"""Feet are in line if their plan is narrower than this share of the surface's width across the line."""
+"""Feet are in one line if their plan is narrower than this share of the surface's width across that line."""
 
 
 def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if a surface would tip over, because the middle of its plan is outside of the area between its feet.
+    """Return True if a surface would tip over, because the middle of its plan lies outside the area between its feet.
     feet : points (k, 3) of each foot, metres."""
     if not feet:
         return False
@@ -25,7 +25,7 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Return True if all feet (two or more) lie in one line, so that the surface would turn about this line.
+    """Return True if all feet (two or more) lie in one line, so that the surface could turn about this line.
     A saddle on two corners is an example. feet : points (k, 3) of each foot, metres."""
     if len(feet) < 2:
         return False
@@ -36,15 +36,15 @@ def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 
 def mast_corners(P: Floats, arm: float, height: float) -> Ints:
-    """Return the corners (k,) at which a sheet with the edge P (n, 3), a closed line in metres, hangs from masts; else
-    empty.
+    """Return the corners at which a sheet hangs from masts, as indices (k,) of P; empty for a sheet that does not.
 
-    The edge needs three corners or more. Between two corners it bends inwards in plan. It also hangs below the
-    straight line between them, or follows this line from a high corner to a low one. The edge of a roof that stands on
-    its corners rises from them; a saddle's edge is straight in plan.
+    The sheet's edge needs three corners or more. Between two corners it bends inwards in plan. It also hangs below the
+    straight line between the corners, or follows this line from a high corner to a low one. In contrast, the edge of a
+    roof that stands on its corners rises from the corners; a saddle's edge is straight in plan.
 
-    arm : metres along the edge for measuring a corner's directions.     height : of the whole sheet, metres.
-    """
+    P      : (n, 3) points of the edge, a closed line, metres.
+    arm    : distance (m) along the edge over which a corner's directions are measured.
+    height : of the whole sheet, metres."""
     c = _corners(P, arm)
     if len(c) < 3:
         return c[:0]
@@ -61,16 +61,14 @@ def _masts_hangs(arc: Floats, middle: Floats, height: float) -> bool:
     inwards = float(((arc - start)[:, :2] @ normal).max())
     share = np.clip((arc - start)[:, :2] @ chord[:2] / long**2, 0, 1)
     below = start[2] + share * chord[2] - arc[:, 2]
-    # a sail's edge slants by 0.3 of the height and is all but straight, as a cable in tension; a shell's rises above
+    # the edge of a sail is as straight as a cable in tension and slants by 0.3 of the height; the edge of a shell rises
     taut = abs(chord[2]) >= 0.3 * height and float(below.min()) >= -0.02 * height
     sags = float(below.max()) >= 0.08 * height
     return inwards >= 0.05 * long and (taut or sags)
 
 
 def _corners(P: Floats, arm: float) -> Ints:
-    """Return the sharpest vertices (k,) of a closed line P (n, 3) at turns of 45 degrees or more in plan, one
-    within each arm's length (m).
-    """
+    """Return the sharpest corners (k,) of a closed line P (n, 3), of 45 degrees or more in plan, an `arm` apart."""
     along = np.concatenate([[0], np.cumsum(lengths(np.roll(P, -1, axis=0) - P))])
     total, n = float(along[-1]), len(P)
     before, after = (np.searchsorted(along, (along[:-1] + shift) % total) % n for shift in (-arm, arm))
@@ -86,15 +84,13 @@ def _corners(P: Floats, arm: float) -> Ints:
 
 
 LEVEL = 0.05
-"""Share of the height by which a foot may rise from its lowest point."""
+"""A foot may rise from its lowest point by this share of the height."""
 DIP = 0.15
-"""Share of the height by which the boundary has to rise between two feet."""
+"""The boundary has to rise by this share of the height between two feet."""
 LOW = 0.35
-"""Feet begin below this share of the height, above the lowest foot."""
+"""The lowest point of a foot may be above the lowest foot by this share of the height."""
 HIGHEST = 0.6
-"""Limit like `LOW` for surfaces that would tip over on low feet, such as a folded roof on the lower ends of its
-valleys.
-"""
+"""Value in place of `LOW` for a surface that would tip over on low feet, such as a folded roof on its valleys."""
 SHORTEST = 1 / 25
 """Least length of a foot, as a share of the span."""
 RIM = "upper rim"
@@ -106,8 +102,9 @@ STEP = 1 / 200
 @dataclass(frozen=True, eq=False)
 class Foot:
     """A part of a surface that stands on the ground.
-    name : text for the user.  points : (k, 3) metres, along the free edge or on the surface.
-    length : metres of free edge; 0 of a closed surface.  loop : number of the boundary loop, for a whole loop."""
+    name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
+    length : length of free edge (m), 0 for a closed surface.    loop : number of the boundary loop, for a whole loop.
+    """
 
     name: str
     points: Floats
@@ -115,9 +112,7 @@ class Foot:
     loop: int | None = None
 
     def picker(self, margin: float, digits: int) -> Boundary | Box:
-        """Return a picker for finer and coarser meshes too: the foot's loop, or its box, enlarged by `margin`
-        metres.
-        """
+        """Return a picker for any mesh of the surface: the foot's loop, or its box enlarged by `margin` metres."""
         if self.loop is not None:
             return Boundary(self.loop)
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
@@ -128,8 +123,7 @@ class Foot:
 def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """Return the proposed supports of a surface with z up; `span`: metres that the surface bridges.
     flat   : the outer edge is the support.
-    closed : parts within `SOLE` of the height above the lowest point are feet, also if the surface has holes in its
-             side.
+    closed : parts within `SOLE` of the height above the lowest point are feet, also with holes in its side.
     hung   : corners of the outer edge are feet, see `mast_corners`.
     else   : stretches of boundary around low points are feet: of the outer edge, of further edges that reach the
              ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support."""
@@ -156,11 +150,8 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
 def _with_higher_feet(
     surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], ground: float, span: float
 ) -> list[Foot]:
-    """Add low points of the outer edges, in the order of their height and up to `HIGHEST`, until the surface does not
-    tip.
-
-    If it always tips, return the feet unchanged.
-    """
+    """Add low points of the outer edges, the lowest first and up to `HIGHEST`, until the surface does not tip.
+    If it tips with all of them, return the feet unchanged."""
     h = float(np.ptp(surface.V[:, 2]))
     outer = _outer(surface)
     places = sorted({float(P[v, 2]) for k, P in lines.items() if outer[k] for v in _valleys(P[:, 2], DIP * h)})
@@ -174,16 +165,14 @@ def _with_higher_feet(
 
 
 def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot], span: float) -> list[Foot]:
-    """Return the feet on the plane through the lowest points if this gives more feet: a shell on a slope needs all
-    four.
-    """
+    """Return the feet on the plane through the lowest points, if that gives more feet, as for a shell on a slope."""
     lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in low_feet])
     if len(low_feet) < 3:
         return low_feet
     middle = lowest.mean(axis=0)
     plan = (lowest - middle)[:, :2]
     across, along = np.linalg.svd(plan, compute_uv=False)[::-1]
-    if across < 0.1 * along:  # feet in line do not define a plane
+    if across < 0.1 * along:  # feet in one line do not define a plane
         return low_feet
     slope, *_ = np.linalg.lstsq(plan, lowest[:, 2] - middle[2])
 
@@ -204,14 +193,12 @@ def _hangs(surface: Surface, loop: int) -> bool:
 
 
 def _has_sheet_below(surface: Surface, height: float) -> bool:
-    """Return True if a single piece has its whole boundary above its lowest part, and no loop is an upper rim.
-    Such a piece neither stands on a hole in its side nor hangs from it."""
+    """Return True for a single piece with sheet below its whole boundary that does not hang from an upper rim."""
     if surface.pieces[0] > 1:
         return False
     lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
-    return lowest > float(surface.V[:, 2].min()) + LEVEL * height and not any(
-        _hangs(surface, k) for k in range(len(surface.loops))
-    )
+    is_above = lowest > float(surface.V[:, 2].min()) + LEVEL * height
+    return is_above and not any(_hangs(surface, k) for k in range(len(surface.loops)))
 
 
 def _masts(surface: Surface, outer: list[bool], height: float, span: float) -> list[Foot]:
@@ -243,7 +230,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     if lowest > ground:
         return False
     height = float(np.ptp(z))
-    even = 0.005  # a ring within this share of the height is level; a window's lowest part is half of its edge
+    even = 0.005  # a ring that rises by less than this share of the height is level
     on_loop &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, even * height))
     low = on_loop[edges.ends].all(axis=1) & edges.boundary
     faces = np.flatnonzero(low[edges.of].any(axis=1))
@@ -252,7 +239,7 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
 
 
 def soles(surface: Surface, height: float) -> list[Foot]:
-    """Return the lowest parts of a surface, on the ground if it is closed. Specks beside larger parts are left out."""
+    """Return the lowest parts of a closed surface, on which it stands, without parts far smaller than the largest."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
@@ -286,10 +273,10 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 
 def _valleys(z: Floats, depth: float) -> list[int]:
-    """Return the lowest places of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-    Method: persistence of low points [Edelsbrunner, Letscher and Zomorodian 2002]. In ascending order, each low point
-    begins a pool. If two pools meet, the shallower pool ends, and its low point counts if the pool is at least `depth`
-    deep."""
+    """Return the lowest points of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
+    Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending
+    order, and
+    each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth` deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}
@@ -331,7 +318,7 @@ def _bridge_gaps(reach: Bools, low: Bools) -> Bools:
 
 
 def _widen_stretch(P: Floats, stretch: Bools, shortest: float) -> Ints:
-    """Extend a stretch of a closed line P (k, 3) on its lower side until it is long enough; return its indices.
+    """Extend a stretch of a closed line P (k, 3) on its lower side to the length `shortest` (m); return point numbers.
     At equal heights it grows on both sides, so that feet of a mirrored roof are mirror images."""
     k, z = len(P), P[:, 2]
     tolerance = 1e-4 * float(np.ptp(z))
@@ -362,9 +349,7 @@ def _kind(surface: Surface, foot: Foot, span: float) -> str:
 
 
 def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Return the lowest parts of a sheet that hangs from an upper rim, such as a funnel; they are an alternative
-    support.
-    """
+    """Return the lowest parts of a sheet that hangs from an upper rim, such as a funnel: an alternative support."""
     if not stands or not all(foot.name.startswith(RIM) for foot in stands):
         return ()
     x, y = surface.V[:, 0], surface.V[:, 1]

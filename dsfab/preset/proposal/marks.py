@@ -1,4 +1,4 @@
-"""Marks beside a surface in one file: points and curves on layers `support`, `load`, `keep` and `void`."""
+"""Marks of the user in the file of the surface: points and curves on layers `support`, `load`, `keep` and `void`."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,32 +16,30 @@ from dsfab.surface import Marks, marks_on_layers
 LAYERS = ("support", "load", "keep", "void")
 DRAWINGS = (".3dm", ".dxf")
 FORCE = 1000.0
-"""Placeholder value of marks on the layer `load`: N for each point, N/m along each line and Pa within each closed
-curve.
-"""
+"""Placeholder for marks on the layer `load`: N at each point, N/m along each line and Pa inside each closed curve."""
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
-    """Return the marks on the four layers of the surface's file, by layer; {} for files without layers.
-    Raises SurfaceError for a file with marks if its z axis does not point to the sky."""
+    """Return the marks on the four layers of the surface's file, by layer; {} for file formats without layers.
+    Raises SurfaceError for a file with marks whose z axis does not point to the sky."""
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
     by_layer = marks_on_layers(path, LAYERS, metres_per(str(user_mesh.keys["unit"])))
     if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
-            f"{path} has marks on layer {next(iter(by_layer))!r}, and its surface stands on its side; turn all of "
-            "it so "
-            "that z points up, and save it again"
+            f"{path} has marks on layer {next(iter(by_layer))!r}, but its surface lies on its side; turn the drawing "
+            "so that z points up, and save the file again"
         )
     origin = user_mesh.keys.get("origin")
     return {word: layer_marks.about(origin) for word, layer_marks in by_layer.items()} if origin else by_layer
 
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
-    """Yield tables of a preset for the marks, a list of lines each.
-    file : path from the preset's folder, or "" for curves in the preset. edge : edge of the triangles, metres."""
+    """Yield tables of a preset for the marks, each as a list of lines.
+    file : path from the preset's folder, or "" for curves in the preset. edge : edge length of the triangles, metres.
+    """
     radius = round(0.6 * edge, 3)
     for word, layer_marks in marks.items():
         head = TABLES.get(word, "[[pattern.region]]")
@@ -64,7 +62,6 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
 
 
 def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
-    """Yield the decision on each layer."""
     changes = {"support": "surface.support", "load": "surface.load"}
     for word, layer_marks in marks.items():
         parts = [
@@ -75,7 +72,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
         counts = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
         value = "; 1 kN a point, 1 kN/m along a line, 1 kPa within a curve: placeholders" if word == "load" else ""
         lost = len(layer_marks.points) + len(layer_marks.open_runs) if word == "void" else 0
-        value += f"; {lost} of them enclose nothing and are passed over" if lost else ""
+        value += f"; {lost} of them enclose no area and are ignored" if lost else ""
         yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 

@@ -1,4 +1,4 @@
-"""Read the user's mesh in metres with z up, with the decisions on unit, vertical axis and repairs."""
+"""Read the user's mesh in metres with z up, with the decisions about its unit, vertical axis and repairs."""
 
 import re
 import unicodedata
@@ -32,32 +32,28 @@ from dsfab.surface import (
 )
 
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
-"""Score by which the axis y must beat z, by suffix of the file. It is 0.5 where most files have z up.
-
-It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns).
-"""
+"""Least lead of the score of axis y over that of z, by suffix of the file. It is 0.5 for formats that mostly have z up.
+It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns)."""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
 
 SLICE = 0.05
-"""Share of the height that belongs to the bottom or to the top of a surface."""
+"""Share of the height that counts as the bottom, or as the top, of a surface."""
 SOLE = 0.03
-"""A surface stands on vertices within this share of the height above its lowest point."""
+"""A surface stands on its vertices within this share of the height above its lowest point."""
 GROUND = 1e-3
-"""Share of the surface's size. Nearer vertices touch the plane through the origin."""
+"""Vertices nearer to the plane through the origin than this share of the surface's size touch the plane."""
 
 
 def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
-    """Return the likely vertical axis: y or -y if the surface clearly stands better that way, as files of Blender and
-    web tools may; else z.
+    """Return the likely vertical axis: y or -y if the surface clearly stands better on it (Blender, web tools), else z.
 
     suffix : suffix of the file, with the dot; see `CLEAR_IN`.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
 
-    Three criteria judge an open surface: its area in plan, the boundary at its bottom minus that at its top, and its
+    Three criteria judge an open surface: its area in plan, its boundary at the bottom minus that at the top, and its
     stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
-    have z up. -y is up only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on the
-    ground with a long edge, its axis is z, or y for programs with y up.
-    """
+    have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on
+    the ground with a long edge, its axis is z, or y for programs with y up."""
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
@@ -71,8 +67,7 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """Return True for a wall or screen that stands with a long edge on the plane through the origin.
-    With the other axis up, its face must cross or touch that plane. A roof with y up is above y = 0 and does not cross
-    it."""
+    With a wrong vertical axis its face would cross or touch that plane. A roof with y up is above y = 0."""
     V = upright_vertices(surface.V, up)
     level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
     limit = GROUND * surface.size
@@ -91,13 +86,11 @@ def _ends_in_level_rings(surface: Surface) -> bool:
     rings = [surface.V[loop] for loop in surface.loops]
     length = np.array([polygon_perimeter(ring) for ring in rings])
     level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
-    return bool(length[level].sum() > 0.8 * length.sum())  # the rest of the level edges are at doors and windows
+    return bool(length[level].sum() > 0.8 * length.sum())  # doors and windows have the rest of the edges
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """Return the score of a surface with the axis `up`: about 0 to 2 for an open surface, -0.2 to 0.4 for a closed
-    surface.
-    """
+    """Return the score of a surface with the axis `up`: 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
     V = upright_vertices(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
@@ -113,17 +106,17 @@ def _standing(surface: Surface, up: Up) -> float:
 
 
 def is_nearly_closed(surface: Surface) -> bool:
-    """Return True if the surface has no boundary, or pinholes only."""
+    """Return True if the surface has no boundary except pinholes."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
 
 
 def _stability(V: Floats, surface: Surface) -> float:
     """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
-    V : (n, 3) its vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
+    V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
     try:
-        plane = ConvexHull(base_points).equations  # a point is inside where all of them are negative
+        plane = ConvexHull(base_points).equations  # a point is inside if all equations are negative
     except (QhullError, ValueError):
         return -0.2  # the base is a point or a line
     inside = -(plane[:, :2] @ middle + plane[:, 2]).max()
@@ -134,20 +127,21 @@ UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
 SMALLEST, LARGEST = 0.02, 1000.0
-"""Limits of the longest side (m) of a surface, beyond which its unit is doubtful."""
+"""Limits of the longest side (m) of a surface; outside of them its unit is doubtful."""
 USUAL = 2.0, 100.0
-"""Usual longest side (m). If a file has no unit and another size, dsfab lists its sizes in further units."""
+"""Usual longest side (m). For a file of another size without a unit, dsfab lists the sizes in several units."""
 POSSIBLE = 0.2, 500.0
-"""Longest side (m) of the sizes in further units that `dsfab inspect` lists."""
+"""Longest side (m) of the sizes in several units that `dsfab inspect` lists."""
 GUESSED = ("mm", "cm", "m", "in", "ft")
-"""Units to guess for files without one."""
+"""Possible units of files without a unit."""
 
 
 @dataclass(frozen=True)
 class Decision:
     """A decision of dsfab for the user's preset.
-    topic : a word or two. choice : the choice and its reason. change : the key of the preset, or the option, that
-            changes it."""
+    topic  : one or two words.
+    choice : the choice and its reason.
+    change : the key of the preset, or the option of the command, that changes the choice."""
 
     topic: str
     choice: str
@@ -156,7 +150,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface, metres, z up, with its keys of [surface]. repaired : differences from its file."""
+    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : differences from its file."""
 
     surface: Surface
     name: str
@@ -168,8 +162,8 @@ class UserMesh:
 def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> UserMesh:
-    """Return the mesh in a file; by default dsfab guesses unit and vertical axis.
-    max_triangles : limit of the file. raw : its content, if the caller has read it.
+    """Return the mesh in a file; by default dsfab guesses its unit and vertical axis.
+    max_triangles : limit for the file. raw : content of the file, if the caller has read it.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
@@ -211,14 +205,14 @@ def mesh_in_file(
 
 
 def preset_name(mesh: str | Path) -> str:
-    """Return a preset's name for a mesh file: letters without accents, umlauts as two letters."""
+    """Return a preset's name for a mesh file, in letters without accents; an umlaut becomes two letters."""
     stem = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
     stem = "".join(letter for letter in unicodedata.normalize("NFKD", stem) if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "mesh"
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
-    """Return the mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
+    """Return a mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
@@ -252,18 +246,15 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along axes on which it is
-    near.
-    """
+    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along near axes."""
     low = surface.V.min(axis=0)
-    # far from 0, single precision (STL) rounds by over a hundred-thousandth, and CAD programs lose digits
+    # STL files have single precision: at 100 times the size they round by 1/100 000 of it, and CAD programs lose digits
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """Return a doubt about the unit if the sides of the box (m) are unusual; '' for usual sides.
-    Mostly the unit is wrong, or a program scaled the file twice."""
+    """Return a doubt about the unit if the sides of the box (m) are unusual, else ''."""
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -271,16 +262,13 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _alternative_units(surface: Surface, unit: str) -> str:
-    """Return sizes in further units, if the unit is a guess with an unusual size and a different unit gives a usual
-    size.
-    """
     sides = np.ptp(surface.V, axis=0).tolist()
     alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
     return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest side (m) is in a range (m)."""
+    """Return '--unit in: 8 m x 6 m x 3 m' for each unit in which the longest side (m) is in the range `between` (m)."""
     metres = {name: metres_per(name) / metres_per(unit) for name in GUESSED if name != unit}
     return [
         f"--unit {name}: {' x '.join(length(times * side) for side in sides)}"
@@ -300,5 +288,5 @@ def vertical_axis(up: str | None) -> Up | None:
             result: Up = axis
             return result
     if up is not None:
-        raise SurfaceError(f"up = {up!r} is no axis; use one of {', '.join(get_args(Up))}")
+        raise SurfaceError(f"up = {up!r} is not an axis; use one of {', '.join(get_args(Up))}")
     return None

@@ -1,4 +1,4 @@
-"""Sensible sizes for a surface: spacing of members, edges of the mesh, thickness, widths."""
+"""Proposed sizes for a surface: spacing of members, edge length of the mesh, thickness, widths."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -10,34 +10,29 @@ from dsfab.core.arrays import Floats, face_angles
 from dsfab.surface import Surface
 
 MEMBERS = 16
-"""Members across the shorter side of the plan."""
+"""Number of members across the shorter side of the plan."""
 COARSEST, FINEST = 2.5, 3.5
-"""Least and largest number of edges of the mesh per spacing. Fewer edges give ragged stripes; more edges only take
-longer.
-"""
+"""Least and largest number of mesh edges per spacing. Fewer edges give ragged stripes; more edges only take time."""
 TRIANGLES = 6500
-"""Usual number of triangles of the mesh within these limits. The solid then has 30 000 faces, which CAD programs
-can open.
-"""
+"""Usual number of triangles of the mesh. The solid then has 30 000 faces, which CAD programs can open."""
 SLENDER = {"steel": 200, "timber": 100}
-"""Span over thickness by material."""
+"""Span over thickness, by material."""
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
-"""Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square on its
-corners spans its diagonal, 1.41 sides.
-"""
+"""Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square roof on its
+corners spans its diagonal, 1.41 sides."""
 THICKEST = 1 / 5
-"""Largest thickness for a long span, as a share of the spacing, because members are hardly wider than that."""
+"""Largest thickness for a long span over the spacing, because members are hardly wider than this share."""
 MODEL = 3.0
-"""Metres; dsfab treats smaller surfaces as printed models."""
+"""Size in metres; smaller surfaces are printed models."""
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """Lengths in metres; `edge` is 0 if the mesh stays as it is.
-    own     : mean edge of the user's mesh.
-    span    : shorter side of the plan, see `shorter_side`, or the span of a roof if this is far smaller.
-    bridged : span between the supports, if this is far longer."""
+    """Lengths in metres; `edge` is 0 if the mesh stays unchanged.
+    own     : mean edge length of the user's mesh.
+    span    : shorter side of the plan (see `shorter_side`), or the span of a roof if the span is far smaller.
+    bridged : span between the supports, if this span is far longer than the shorter side, else 0."""
 
     span: float
     spacing: float
@@ -49,7 +44,7 @@ class Sizes:
 
     @property
     def coarse(self) -> bool:
-        """True if the mesh's own edges are much longer than the new ones, so that their facets would show."""
+        """True if the edges of the user's mesh are much longer than new edges, so that facets would stay visible."""
         return self.edge < 0.7 * self.own
 
     @property
@@ -58,18 +53,15 @@ class Sizes:
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
-        """Return the sizes for a surface on feet (k, 3): thicker if its span is far longer than the shorter side of
-        its plan.
+        """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of its plan.
 
-        A roof with a far smaller span, as around a courtyard, has the sizes for that span. The span is twice the
-        distance in plan from the farthest vertex to the feet. The thickness is 1.1 times the usual one for the
-        geometric mean of span and side, because such a sheet bends most at its clamped ends. The spacing grows with
-        the thickness.
+        The span is twice the distance in plan from the farthest vertex to the feet. For a roof with a far smaller span,
+        as around a courtyard, the sizes follow that span. The thickness is 1.1 times the usual one for the geometric
+        mean of span and side, because such a sheet bends most at clamped ends. The spacing grows with the thickness.
 
-        Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at
-        40 mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m
-        had a utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm.
-        """
+        Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at 40
+        mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m had a
+        utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -85,29 +77,27 @@ class Sizes:
 
     @property
     def rim(self) -> float:
-        """Width of the band along free edges."""
+        """Width of the band of material along free edges."""
         return two_digits(0.22 * self.spacing)
 
     @property
     def keep(self) -> float:
-        """Distance around supports that stays material."""
+        """Distance around supports within which the surface stays material."""
         return two_digits(0.35 * self.spacing)
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings. Chords replace the arcs, so corners are wider than the thickness of
-        the sheet.
-        """
+        """Radius of the corners of openings, over half of the thickness, because chords replace the arcs."""
         return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
-    """Return the sizes for a surface with z up; the default material is GL24h, or PLA for a model.
-    span : metres; 0 for the shorter side of its plan."""
+    """Return the sizes for a surface with z up; the default material is GL24h, or PLA for a printed model.
+    span : metres; 0 for the shorter side of the plan."""
     figure = is_figure(surface)
     span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
-    cells = 550  # more openings do not look like a pattern, and take long
+    cells = 550  # more openings take long, and the eye does not see a pattern
     spacing = two_digits(max(square / 18 if figure else span / MEMBERS, square / np.sqrt(cells)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
     thick = spacing / 8 if figure else span / slenderness(material)
@@ -115,25 +105,23 @@ def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> S
 
 
 def shorter_side(surface: Surface) -> float:
-    """Return the shorter side of a surface's plan, metres. A wall, whose plan is a line, has the shorter side of
-    its face.
-    """
+    """Return the shorter side of a surface's plan (m), or of its face if the surface is a wall."""
     across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
     return face if across < face / 4 else across
 
 
 def slenderness(material: str) -> int:
-    """Return span over thickness for a material."""
+    """Return the ratio of span to thickness for a material."""
     return SLENDER["steel" if material in STEEL else "timber"]
 
 
 def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed, such as a head on its neck."""
+    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 
 def two_digits(x: float) -> float:
-    """Round a number to two digits."""
+    """Round a number to two significant digits."""
     return float(f"{x:.2g}")
 
 

@@ -1,4 +1,4 @@
-"""Text of a proposed preset with comments, and its lines for snow and wind."""
+"""Text of a proposed preset with comments, with the proposed lines for snow and wind."""
 
 import json
 from collections.abc import Iterator, Mapping
@@ -16,14 +16,14 @@ from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
 
 def snow_on_top(surface: Surface) -> str | None:
-    """Return the picker of faces with snow on an open surface that is not a roof, such as the top of a ball.
-    Normals may point either way. None for models, and for surfaces without a top (wall, tower) or an outside."""
+    """Return the picker of faces with snow on an open surface that is not a roof, such as the upper part of a ball.
+    Normals may point in or out. None for models, and for surfaces without a top (wall, tower) or without an outside."""
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
     if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
     outwards = np.einsum("mi,mi,m->", surface.normals, surface.centroids - surface.V.mean(axis=0), surface.areas)
     up = 1.0 if outwards > 0 else -1.0
-    slides = 60  # degrees from which snow slides off [EN 1991-1-3, table 5.2]
+    slides = 60  # degrees; snow slides off steeper faces [EN 1991-1-3, table 5.2]
     lies = up * surface.normals[:, 2] > np.cos(np.radians(slides))
     if float(surface.areas[lies].sum()) < 0.15 * surface.area:
         return None
@@ -36,7 +36,7 @@ def wind_lines(surface: Surface) -> list[str]:
         return []
     seen: Floats = surface.areas @ np.abs(surface.normals)
     direction = [0.0, 1.0, 0.0] if seen[1] > seen[0] else [1.0, 0.0, 0.0]
-    comment = "# Wind, which decides for much that stands upright; take these lines with your local code's numbers:"
+    comment = "# Wind governs many upright surfaces; use these lines with the numbers of your local code:"
     load = ('kind = "wind"', "pressure = 500.0", f"direction = {direction}")
     return [comment, "# [[surface.load]]", *(f"# {line}" for line in load)]
 
@@ -46,7 +46,7 @@ def _one_sided(surface: Surface) -> bool:
 
 
 SNOW = 750.0
-"""Placeholder of the snow on the plan (Pa); the user must replace it by the local code's value."""
+"""Placeholder for the snow on the plan (Pa); the user must replace this value by that of the local code."""
 SHARE = 0.45
 """Share of the surface that stays material."""
 
@@ -61,8 +61,8 @@ def proposal_text(
     marks: Mapping[str, Marks],
 ) -> str:
     """Return the preset as TOML with comments.
-    keys : keys of [surface], which define the mesh. notes : topic -> choice. marks : marks of the file, which replace
-           proposed feet."""
+    keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic.
+    marks : marks of the file, which replace proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
@@ -85,14 +85,14 @@ def proposal_text(
         _widths(),
         [
             "[slicing]",
-            _entry("snap", 0.01, "of an edge, that cuts move by to a vertex: mirrored halves are alike on any mesh"),
-            _entry("min_member", size.thickness, "m; narrower members are widened there"),
+            _entry("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
+            _entry("min_member", size.thickness, "m; narrower members are widened"),
         ],
         *_thickening(surface),
         [
             "[export]",
-            _entry("step", "quick", "STEP that is soon made, or none; auto tries more ways, for minutes"),
-            _entry("step_faces", 12_000, "a STEP of more planar faces is slow in CAD; 30000 is usual"),
+            _entry("step", "quick", "STEP only if it takes little time; auto tries more ways, for minutes"),
+            _entry("step_faces", 12_000, "STEP files with more planar faces are slow in CAD; the default is 30000"),
         ],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
@@ -102,22 +102,26 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     yield "[surface]"
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
     comments["repair"] = comments["mend"]
-    comments["origin"] = "m; files that are written are about this point of the mesh's"
+    comments["origin"] = "m; output files have their origin at this point of the mesh"
     for key, value in keys.items():
         if key != "mesh":
             yield _entry(key, value, comments.get(key, ""))
     if size.edge:
-        yield _entry("edge", size.edge, "m; the mesh is made anew: even triangles, boundaries and creases stay")
+        yield _entry("edge", size.edge, "m; a new mesh of even triangles, with the same boundaries and creases")
     if size.edge and size.coarse:
-        yield _entry("smooth", True, "on the smooth surface through the mesh's vertices")
+        yield _entry("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
 
 def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
     for foot in stands:
         yield _support(surface, size, foot)
-    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem may do without supports at its rim
+    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem needs no supports at its rim
         yield [
-            f"# {line}" for line in ("To stand on a stem, take these lines instead:", *_support(surface, size, stem))
+            f"# {line}"
+            for line in (
+                "For a surface that stands on a stem, use these lines instead:",
+                *_support(surface, size, stem),
+            )
         ]
 
 
@@ -146,33 +150,33 @@ def _loads(surface: Surface, snow: bool) -> Iterator[list[str]]:
 
 def _statics(size: Sizes) -> Iterator[str]:
     yield "[statics]"
-    yield _entry("material", size.material, "dsfab materials lists them")
+    yield _entry("material", size.material, "`dsfab materials` lists all materials")
     yield _entry("thickness", size.thickness, "m")
 
 
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
     yield "[pattern]"
     yield _entry("method", "stripes", "evenly spaced along the stress")
-    yield _entry("keep", size.keep, "m around supports that stay whole")
+    yield _entry("keep", size.keep, "m of material around supports")
     if surface.loops:
-        yield _entry("rim", size.rim, "m along edges and openings that stay whole")
+        yield _entry("rim", size.rim, "m of material along edges and openings")
     yield _entry("fillet", size.fillet, "m, radius of the corners of openings")
 
 
 def _families(size: Sizes) -> Iterator[list[str]]:
-    for family, words in (("major", "m from one member to the next"), ("minor", "m, of those that cross them")):
+    for family, words in (("major", "m, distance between members"), ("minor", "m, distance between crossing members")):
         yield [f"[pattern.{family}]", _entry("spacing", size.spacing, words)]
 
 
 def _widths() -> Iterator[str]:
     yield "[pattern.width]"
-    yield _entry("rule", "constant", "members are as wide everywhere; graded, stressed: as they work")
-    yield _entry("solid_fraction", SHARE, "share of the surface that is material")
+    yield _entry("rule", "constant", "equally wide members; graded, stressed: wider where the stress is larger")
+    yield _entry("solid_fraction", SHARE, "share of the surface that stays material")
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
-    if is_figure(surface):  # ears and fingers bend more sharply than a roof
-        yield ["[thickening]", _entry("thinnest", 0.05, "share of the thickness that sharp bends must leave")]
+    if is_figure(surface):  # a sculpture has sharper bends than a roof
+        yield ["[thickening]", _entry("thinnest", 0.05, "least share of the thickness at sharp bends")]
 
 
 def _entry(key: str, value: Any, note: str = "") -> str:

@@ -17,13 +17,12 @@ from dsfab.thickening.solid import Solid, check_solid
 if TYPE_CHECKING:
     import manifold3d
 
-
 Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """Apply extras to a solid, in order; `notes` counts intersections that rounding leaves.
-    Raises SolidError for an extra that does nothing or too much, and for a result that is not a solid."""
+    """Apply extras to a solid, in order; `notes` of the result counts faces that intersect because of rounding.
+    Raises SolidError for an extra that has no effect or removes everything, and for a result that is not a solid."""
     if not extras:
         return solid
     import manifold3d
@@ -32,7 +31,7 @@ def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
     for extra in extras:
         body = extra.apply(body, base)
         if body.status() != manifold3d.Error.NoError or body.is_empty():
-            raise SolidError(f"thickening.extra {extra.kind!r} leaves nothing of the solid; check its sizes and places")
+            raise SolidError(f"thickening.extra {extra.kind!r} removes the whole solid; check its sizes and places")
     return _judged_solid(body, solid)
 
 

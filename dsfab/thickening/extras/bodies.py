@@ -1,4 +1,4 @@
-"""Bodies for extras: boxes, rods, their unions, and the base surface that extras refer to."""
+"""Bodies for extras: boxes, rods, their unions; also the base surface of all extras."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Context of extras: the uncut surface, the sheet, and a function from marks on the surface to marks on the sheet.
-    between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.vertices_between`)."""
+    """Context of extras: the uncut surface, the cut sheet, and a function between their vertices.
+    between : returns marks (n',) at the sheet's vertices for marks (n,) at those of the surface."""
 
     surface: Surface
     sheet: Surface
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return the points of the sheet at marked vertices (n,), by connected part."""
+        """Return the points (k, 3) of the sheet at marked vertices (n,) of the surface, for each connected part."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -60,10 +60,10 @@ def positive(extra: object, *names: str) -> None:
 
 
 def unit(vector: Vector, whose: str) -> Floats:
-    """(3,) the vector scaled to length 1; raises SolidError for a zero vector."""
+    """Return the vector (3,) scaled to length 1; raises SolidError for a zero vector."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
-        raise SolidError(f"{whose} must have a length")
+        raise SolidError(f"{whose} is a zero vector; give a direction")
     return np.array(vector) / length
 
 
@@ -75,14 +75,13 @@ def box(low: Floats, high: Floats) -> "manifold3d.Manifold":
 
 
 def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
-    """Return the union of the bodies."""
     import manifold3d
 
     return manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """Return a round prism of a length along an axis (3,), with its middle at a point (3,), metres."""
+    """Return a round prism of a length along an axis (3,); its centre is at a point (3,), metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Holes:
     """`kind = "holes"`: round holes through the solid.
-    at : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point, so that parts behind stay whole."""
+    at    : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
+    depth : metres, half of it on each side of the point, so that material behind stays whole."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: tuple[Vector, ...]
@@ -29,13 +29,13 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with the holes; raises SolidError for a hole that meets no material."""
+        """Return the solid with the holes; raises SolidError for a hole without material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
             if drilled.volume() > solid.volume() * (1 - 1e-12):
                 raise SolidError(
-                    f"thickening.extra 'holes': point {number} of {len(self.at)} meets no material; the nearest is at "
+                    f"thickening.extra 'holes': point {number} of {len(self.at)} has no material; the nearest is at "
                     f"{base.nearest(np.array(point))} m"
                 )
             solid = drilled
@@ -55,7 +55,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid inside the plane and the box; raise SolidError as `with_extras`."""
+        """Return the solid inside the plane and the box; raises SolidError for an incomplete plane or box."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -72,11 +72,10 @@ class Trim:
 @dataclass(frozen=True)
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
-
-    bed    : largest size of a part along x, y, z, metres; parts are equally large along each axis.
-    apart  : metres between the parts.
+    bed         : largest size of a part along x, y, z, metres; parts have equal sizes along each axis.
+    apart       : distance (m) between the parts.
     dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 drills none. Every cut face gets a
-    hole at its widest place, if the face is at least twice as wide as the dowel there."""
+                  hole at its widest place, if the face there is at least twice as wide as the dowel."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     bed: Vector
@@ -86,10 +85,12 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
+        """Return the solid in parts that fit the bed, with holes for dowels; raises SolidError for wrong lengths."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
-            raise SolidError("thickening.extra 'split' needs a bed of positive lengths; and dowel and deep, or neither")
+            raise SolidError(
+                "thickening.extra 'split' needs a bed of positive lengths; give dowel and deep, or neither"
+            )
         ends = np.array(solid.bounding_box()).reshape(2, 3)
         levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
         drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []
@@ -107,8 +108,6 @@ class SplitBodies:
         return np.asarray(np.linspace(low, high, int(np.ceil((high - low) / bed - 1e-9)) + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        """Drills for each part of a face cut square to an axis, where the middle is as far inside as the dowel is
-        thick."""
         turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # z is now the axis or its opposite
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
@@ -123,7 +122,6 @@ class SplitBodies:
 
 
 def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manifold3d.CrossSection"]:
-    """The connected parts of a region in each cell of a grid with lines at u and at v."""
     import manifold3d
 
     regions = []
@@ -135,7 +133,7 @@ def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manif
 
 
 def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:
-    """A point about as far inside a region as possible, by halving; None if no point is `margin` from the border."""
+    """Return a point as far inside a region as possible, by bisection; None if the region is too narrow."""
     import manifold3d
 
     def inset(by: float) -> "manifold3d.CrossSection":

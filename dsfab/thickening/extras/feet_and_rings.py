@@ -19,12 +19,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Feet:
-    """`kind = "feet"`: a block under each part of the sheet that reaches the picked vertices, united with the sheet.
-
-    at : the vertices on feet.    height : metres below the lowest picked vertex of a part.    margin : metres around
-         this
-         vertex.
-    sink : metres above this vertex, because blocks must meet the sheet.    Blocks stand along z."""
+    """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
+    at     : vertices on feet.    height : metres below the lowest picked vertex of a part.
+    margin : metres around the picked vertices.    sink : metres above the lowest vertex, so that both overlap.
+    Blocks stand along z."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -45,19 +43,19 @@ class Feet:
             raise SolidError("thickening.extra 'feet': none of the picked vertices is on the sheet; set pattern.keep")
         standing = united_bodies([solid, *blocks])
         if len(standing.decompose()) > len(solid.decompose()):
-            raise SolidError("thickening.extra 'feet': a foot does not meet the solid; raise sink or margin")
+            raise SolidError("thickening.extra 'feet': a foot does not touch the solid; increase sink or margin")
         return standing
 
 
 STRAIGHT = 1e-9
-"""A boundary vertex is left out as straight if direction and normal change by less than this."""
+"""A boundary vertex is not a bend if direction and normal change by less than this."""
 
 
 @dataclass(frozen=True)
 class Ring:
     """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
     width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across the surface.
-    at     : loops with a picked vertex get a beam; default all loops."""
+    at     : loops with a picked vertex get a beam; default: all loops."""
 
     __pydantic_config__: ClassVar[Any] = STRICT
     width: Real
@@ -66,7 +64,7 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid with a beam along its boundaries; raise SolidError if no boundary is picked."""
+        """Return the solid with a beam along its boundaries; raises SolidError if no boundary is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
@@ -76,14 +74,13 @@ class Ring:
         united = united_bodies([solid, *beams])
         if len(united.decompose()) > len(solid.decompose()):
             raise SolidError(
-                "thickening.extra 'ring': a beam does not meet the solid; make it wider, or pick loops the pattern "
-                "reaches (pattern.rim)"
+                "thickening.extra 'ring': a beam does not touch the solid; increase its width or pattern.rim, or pick "
+                "other loops"
             )
         return united
 
 
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
-    """The bar along one loop (k,), mitred at its corners; raises SolidError if it would cross itself."""
     import manifold3d
 
     V, F = closed_bar(*_bend_points(surface, loop), width, height)
@@ -93,15 +90,15 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
         x, y, z = V[F[pairs[0]]].mean(axis=(0, 1)) if len(pairs) else V.mean(axis=0)
         raise SolidError(
             f"thickening.extra 'ring': a beam {width:.4g} x {height:.4g} m would cross itself near "
-            f"({x:.4g}, {y:.4g}, {z:.4g}) m, where the boundary bends; make it narrower, or smooth the boundary"
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m, where the boundary bends; reduce its width, or smooth the boundary"
         )
     return beam
 
 
 def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at these points.
-    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a strip with a single
-    side the loop runs along both of its edges, and the normal turns with the loop."""
+    """Return points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at these points.
+    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a one-sided strip the
+    loop runs along both edges of the strip, and the normal turns with the loop."""
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
     edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
@@ -119,10 +116,10 @@ def _bend_points(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
     """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
-    P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
-    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between the corners."""
+    P : (k, 3) corners of the centre line.    along, normal : (k, 3) unit vectors of the sides that begin there.
+    The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # least cosine of half the turn: beyond it the mitre is five times as long as the bar is wide
+    sharpest = 0.2  # least cosine of half the turn, for which the mitre is five times as long as the bar is wide
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

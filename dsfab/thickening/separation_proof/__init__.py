@@ -1,9 +1,8 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-The surface is divided into boxes; boxes around a box are its block. The prisms of a box meet no other prisms under two
-conditions. The box's axis sees all skins of the block from the front. The rim of the block runs once around the box's
-cylinder, outside it. Then the prisms project along the axis without overlap.
-"""
+The surface is divided into boxes; the boxes around a box form its block. The prisms of a box meet no other prisms under
+two conditions. First, the box's axis sees all skins of the block from the front. Second, the rim of the block runs once
+around the box's cylinder, outside of it. Then the prisms project along the axis without overlap."""
 
 from dataclasses import dataclass
 
@@ -19,12 +18,10 @@ from dsfab.thickening.skin import is_fine, rounding_step
 
 @dataclass(frozen=True, eq=False)
 class OffsetLayer:
-    """A thickened surface before anything is removed.
-
-    uncut  : an edge-manifold surface, faces consistently oriented, with half-thickness vectors D (n, 3), metres.
-    cells  : all cells of the cut surface, material and void, with interpolated vectors `carried` (n', 3).
-    parent : (m',) the face of each cell.    side : as in `thicken`.
-    """
+    """A thickened surface before void cells are removed.
+    uncut   : an edge-manifold surface, faces consistently oriented.    D : (n, 3) half-thickness vectors, metres.
+    cells   : all cells of the cut surface, material and void.    carried : (n', 3) interpolated half-thickness vectors.
+    parent  : (m',) the face of `uncut` that contains each cell.    side : as in `thicken`."""
 
     uncut: Surface
     D: Floats
@@ -35,7 +32,7 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """Distance of the middle from the surface, in D."""
+        """Distance of the middle from the surface, as a multiple of D."""
         return SHIFT[self.side]
 
 
@@ -45,9 +42,10 @@ REACH = 2
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
-    """The box of each face (m,), and of each of k boxes: place in the grid (k, 3), middle, direction, radius.
-    grid : the box at each place, -1 without faces, with a border of `REACH` empty boxes.
-    key  : (k,) the place in the flat grid."""
+    """Boxes of the faces of a surface.
+    of   : (m,) number of the box of each face.    place : (k, 3) place of each box in the grid.
+    grid : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
+    key  : (k,) place of each box in the flattened grid."""
 
     of: Ints
     place: Ints
@@ -58,7 +56,7 @@ class Boxes:
     key: Ints
 
     def neighbours(self, box: Ints, step: Ints) -> Ints:
-        """Return the boxes at a step (3,) from boxes (k,), -1 for missing ones."""
+        """Return the boxes at a step (3,) from boxes (k,), -1 for missing boxes."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
@@ -72,7 +70,7 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
     for corner in uncut.F.T:
         np.maximum(reach, lengths(uncut.V.take(corner, axis=0) - middle) + size[corner] + error, out=reach)
     low, extent = (np.array([box(column) for column in middle.T]) for box in (np.min, np.ptp))
-    box_limit = 2e7  # empty boxes count too
+    box_limit = 2e7  # including empty boxes
     least_widths = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least_widths)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
@@ -91,19 +89,20 @@ def boxes_of(layer: OffsetLayer, error: float, count: int) -> Boxes:
 
 
 def block_steps() -> list[Ints]:
-    """Return all steps to the boxes of a block, (3,) each."""
+    """Return the steps (3,) from a box to all boxes of its block."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
 CHUNK = 1 << 14
-"""Cells processed together: this many fit the processor's cache."""
+"""Number of cells processed together, because they fit the processor's cache."""
 
 Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """(m',) prisms that may be folded; (k,) the least cosine between skins and axis in each box; (m',) the reach."""
+    """Return the cells (m',) with prisms that may be folded, the least cosine (k,) between skins and axis in each box,
+    and the reach (m',), m, of each prism from its middle."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -122,9 +121,9 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """For prisms with corners (3 xyz, 3, m): mask of the folded prisms, least cosine of their skins to an axis, reach.
-    Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
-    normal of a triangle with sides up to s has an error of 4 s e."""
+    """Return the folded prisms (m,), the least cosine (m,) of their skins to an axis, and their reach (m,).
+    upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
+    error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
     reach = np.sqrt(np.maximum((A**2).sum(axis=0), (B**2).sum(axis=0)).max(axis=0)) + error
@@ -153,7 +152,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """(k,) boxes whose axis sees all skins of their block from the front."""
+    """Return the boxes (k,) whose axis sees all skins of their block from the front."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -166,7 +165,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """(k,) boxes, of the accepted ones (k,), around whose cylinder the rim of the block runs once, outside."""
+    """Return the accepted boxes (k,) around whose cylinder the rim of the block runs once, outside of it."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -191,7 +190,6 @@ def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, er
 
 
 def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Ints]]:
-    """Pairs of an accepted box and a half-edge on the rim of its block, whose face is inside the block."""
     pairs = uncut.edges.pairs
     h, g = np.concatenate([pairs, pairs[:, ::-1]]).T
     box_here, beyond = boxes.of[h // 3], boxes.of[g // 3]
@@ -220,9 +218,9 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
 
 
 def proven_cells(layer: OffsetLayer) -> Bools:
-    """(m',) cells whose prism surely meets no other prism, for any diagonals of its sides.
-    This holds for the exact vertices and for vertices in files of single precision (if `is_fine`). With more than 5 %
-    folded prisms nothing is proven."""
+    """Return the cells (m',) whose prism surely meets no other prism, for any diagonals of its sides.
+    This applies to the exact vertices and to vertices in files of single precision (if `is_fine`). With more than 5 %
+    folded prisms the result is empty."""
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
@@ -230,7 +228,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
     if is_fine(uncut.V, layer.D):
         error += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in (1000, 8000):  # the finer grid serves the cells without proof
+    for count in (1000, 8000):  # the finer grid is for cells without a proof
         boxes = boxes_of(layer, error, count)
         folded, cosine, reach = prisms(layer, boxes, error)
         if folded.mean() > 0.05:
@@ -247,7 +245,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach  # around the mean of the corners, in the middle layer
+    size = 2.1 * reach  # the sphere is around the mean of the corners, in the middle layer
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True
