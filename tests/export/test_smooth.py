@@ -10,13 +10,14 @@ from dsfab.core.errors import ExportError
 from dsfab.design.output.files import curved_sheet
 from dsfab.export import write
 from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.shared.sheet_outline import WALL, OutlineRun
 from dsfab.export.cad.step.shared.skins import dense_surface, excess_volumes, prisms
 from dsfab.export.cad.step.smooth import acceptance, build, edges
 from dsfab.export.cad.step.smooth import acceptance as plan
 from dsfab.export.cad.step.smooth import layout as outline
+from dsfab.export.cad.step.smooth.chart_fields import chart_fields
 from dsfab.export.cad.step.smooth.charts import SplinePatch, patch_through
 from dsfab.export.cad.step.smooth.edges import OutlineNodes
-from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, chart_fields
 from dsfab.export.splines import Spline, basis, hats, segment_spline, splines_through
 from dsfab.slicing import cut
 from dsfab.surface import Surface
@@ -222,13 +223,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
-    honest = acceptance.PieceJudge._verdict
+    honest = acceptance._verdict
 
-    def harsh(self, k, piece, found, away):
+    def harsh(gate, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
+        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
+    monkeypatch.setattr(acceptance, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]
@@ -245,14 +246,14 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
 def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatch, refused):
     """A seam passed .1 mm beside an opening: four of ten surfaces got no STEP for such places in the first layout."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    honest, layouts = acceptance.PieceJudge._verdict, []
+    honest, layouts = acceptance._verdict, []
 
-    def harsh(self, k, piece, found, away):
-        layouts.extend([self] * (self not in layouts))
-        some = layouts.index(self) < refused
-        return acceptance.Acceptance("it is disliked") if some else honest(self, k, piece, found, away)
+    def harsh(gate, k, piece, found, away):
+        layouts.extend([gate] * (gate not in layouts))
+        some = layouts.index(gate) < refused
+        return acceptance.Acceptance("it is disliked") if some else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
+    monkeypatch.setattr(acceptance, "_verdict", harsh)
     monkeypatch.setattr(plan, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
     _, _, said = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step", "quick")
     assert len(layouts) == min(refused + 1, 3)

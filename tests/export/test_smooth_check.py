@@ -158,7 +158,7 @@ def test_a_copy_that_asks_while_a_whole_is_drawn_finds_the_same(tmp_path):
     here = pieces.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)
     mesh, seen = mesh_in(str(tmp_path), {"deflection": 0.5}), []
     with reports.occt() as program:
-        apart = reports.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60, seen.append)
+        apart = reports.findings(program, (tmp_path / "a.step").read_text(), 0.5, 60, seen.append)
     assert len(apart) == mesh.solids == 3
     for name in ("valid", "closed", "tessellates", "faces", "volume", "gap", "box"):
         assert [getattr(one, name) for one in apart] == [one[name] for one in here]
@@ -171,7 +171,7 @@ def test_a_whole_that_is_not_valid_is_known_though_it_is_drawn_meanwhile(tmp_pat
     found = list(re.finditer(TURNED["a face"], vault))[-1]
     (tmp_path / "a.step").write_text(vault[: found.end() - 5] + ".F." + vault[found.end() - 2 :])
     with reports.occt() as program:
-        judged = reports.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60)
+        judged = reports.findings(program, (tmp_path / "a.step").read_text(), 0.5, 60, [].append)
     assert [(one.valid, one.tessellates, one.volume) for one in judged] == [(False, False, 0)]
     assert not pieces.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)[0]["tessellates"]
     assert not (tmp_path / "mesh.npz").exists()  # not without a copy that draws meanwhile

@@ -25,8 +25,8 @@ from dsfab.export.cad.step.flat_sheets import (
     signed_loop_area,
 )
 from dsfab.export.cad.step.planar import FLATNESS, coplanar_regions
+from dsfab.export.cad.step.shared.sheet_outline import WALL, ChartRegion, OutlineRun, SheetOutline, both_skins, sheet_of
 from dsfab.export.cad.step.smooth.edges import RunKey, run_key
-from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline, both_skins, sheet_of
 from dsfab.export.curves import Curve, fitted_curve, split_at_knots
 from dsfab.export.part import DividedSheet, Part
 from dsfab.surface import CREASE, edge_table

@@ -9,7 +9,7 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import OUTLINE, SIMPLIFIED_OFF_SURFACE
 from dsfab.export.cad.step import entities
 from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
-from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft, member_plan
+from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft
 from dsfab.export.cad.step.entities import DIGITS, FACETED_DIGITS, faceted_bytes
 from dsfab.export.cad.step.file_size import (
     COSTS,
@@ -25,6 +25,7 @@ from dsfab.export.cad.step.file_size import (
 from dsfab.export.cad.step.flat_sheets import NotFlatError, outlines_of
 from dsfab.export.cad.step.folded_sheets import flat_facets, folded_sheet, planar_file
 from dsfab.export.cad.step.planar import polyhedron
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.smooth.build import first_draft, smooth_file
 from dsfab.export.cad.step.soundness import smooth_use
 from dsfab.export.mesh.soundness import solids_of
@@ -367,7 +368,7 @@ def _estimate_planar(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_by_members(part: Part) -> tuple[int, float, str]:
-    draft = member_draft(part, member_plan(part))
+    draft = member_draft(part, SolidPlan(part))
     return draft.faces, len(draft.text), ""
 
 

@@ -14,8 +14,7 @@ from dsfab.export.cad.step.by_members.lines import BEND_ANGLE, CORNER_ANGLE
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at
 from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.edges import even_samples
-from dsfab.export.splines import Spline, bernstein, splines_through
+from dsfab.export.splines import Spline, bernstein, even_samples, splines_through
 
 TOUCHING_SHARE = 1 / 400
 """Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther

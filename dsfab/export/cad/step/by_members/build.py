@@ -10,10 +10,10 @@ from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import CHANGED_VOLUME, DEFLECTION
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, member_draft, member_plan
+from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, member_draft
 from dsfab.export.cad.step.file_size import BudgetError, require_budget
-from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.acceptance import GAP_SHARE, MeshDistances, PieceJudge, SmoothPlan
+from dsfab.export.cad.step.shared.plan import MeshDistances, PieceJudge, SolidPlan
+from dsfab.export.cad.step.shared.skins import GAP_SHARE, SmoothLimits
 from dsfab.export.cad.step.soundness import (
     MOST_FACES,
     box_fault,
@@ -22,7 +22,8 @@ from dsfab.export.cad.step.soundness import (
     triangle_fault,
     use_report,
 )
-from dsfab.export.cad.step.worker.reports import OcctFinding, StepMesh, occt, whole_findings
+from dsfab.export.cad.step.worker import reports
+from dsfab.export.cad.step.worker.reports import OcctFinding, StepMesh, occt
 from dsfab.export.cad.step.worker.use import PLANES
 from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
@@ -89,20 +90,20 @@ def member_file(part: Part) -> MemberFile:
 def _accepted_file(part: Part) -> MemberFile:
     """Return the first file that passes: the usual file, or if this is rough a file whose faces lie nearer to the
     mesh."""
-    plan = member_plan(part)
+    plan = SolidPlan(part)
     try:
         return _tried(part, plan, False)
     except _RoughError:
         return _tried(part, plan, True)
 
 
-def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
+def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
     with occt() as program:  # the program loads OCCT meanwhile
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
         reports_list = list[_TriangleReport]()
-        findings = whole_findings(
+        findings = reports.findings(
             program,
             draft.text,
             deflection,
@@ -147,7 +148,7 @@ def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -
 
 
 def _require_solid(
-    part: Part, plan: SmoothPlan, draft: MemberDraft, findings: list[OcctFinding], reports_list: list[_TriangleReport]
+    part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], reports_list: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
     """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
     # OCCT's box may be off by this share of the diagonal. It is less than twice the limit of trial cuts, because the
@@ -191,7 +192,7 @@ def _box(findings: list[OcctFinding]) -> list[float]:
     return [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()]
 
 
-def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
+def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> str:
     """Describe one trial cut of OCCT's shape; raises ExportError if the cut failed."""
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
@@ -199,7 +200,7 @@ def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) ->
     return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"
 
 
-def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
+def _use_sentence(part: Part, plan: SolidPlan, draft: MemberDraft, seconds: float) -> str:
     """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread it."""
     try:
         report = use_report(draft.text, seconds=seconds)
@@ -209,7 +210,7 @@ def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: flo
     return f"{CUT_COUNT} of {CUT_COUNT} half-space cuts valid, {report['fillets']} of {report['sharp']} fillets made"
 
 
-def _require_use(part: Part, plan: SmoothPlan, report: dict[str, Any]) -> None:
+def _require_use(part: Part, plan: SolidPlan, report: dict[str, Any]) -> None:
     plain_limit = 1e-3  # largest relative error of the volume by OCCT's plain rule
     plain_error = report["plain"] / report["volume"] - 1
     _require(

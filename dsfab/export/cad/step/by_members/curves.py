@@ -11,8 +11,7 @@ from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.regions import VOID, ChainNet
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.edges import even_samples
-from dsfab.export.splines import Spline, basis, bernstein, splines_through
+from dsfab.export.splines import Spline, basis, bernstein, even_samples, splines_through
 
 READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])
 """Parameters of the four points that determine the poles of a cubic."""

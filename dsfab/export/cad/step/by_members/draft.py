@@ -42,9 +42,8 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import with_sampled_pe
 from dsfab.export.cad.step.by_members.trimmed_division import divided_faces
 from dsfab.export.cad.step.entities import StepEntities, bezier_knots, references
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.edges import OUTLINE_SHARE
-from dsfab.export.cad.step.smooth.solid import ROUNDING
+from dsfab.export.cad.step.shared.plan import SolidPlan
+from dsfab.export.cad.step.shared.skins import OUTLINE_SHARE, decimals
 from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
@@ -62,7 +61,7 @@ class NetWriter:
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
         self._points = partial(entity_list.points, digits=EDGE_DIGITS)
-        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
+        self.digits = decimals(thickness)
         self.vertices = [
             [entity_list.vertex(p, model.seam) for p in self._points(pair.reshape(2, 3))] for pair in model.vertices
         ]
@@ -208,12 +207,7 @@ class MemberDraft:
     gap: float
 
 
-def member_plan(part: Part) -> SmoothPlan:
-    """Return the plan of a part, without a limit on its walls."""
-    return SmoothPlan(replace(part, hurry=0))
-
-
-def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraft:
+def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
     """Encode a part without checks; raises ExportError if that fails, and ManyFacesError for too many faces without a
     request.
 
@@ -224,7 +218,7 @@ def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraf
         return _draft(part, plan, fine)
 
 
-def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
+def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -271,7 +265,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
         yield StripedSheet(striped.F[in_piece], striped.weights, striped.label[in_piece], striped.loose[in_piece], seam)
 
 
-def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
+def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
     """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
     region."""
     t, skins = plan.limits.thickness, lifting.skins
@@ -284,7 +278,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     return straight_net(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
-def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
+def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan) -> tuple[NetModel, list[TrimmedFace]]:
     least_share = 0.95  # at least this share of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
@@ -330,13 +324,13 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fit
     return faces | fitted
 
 
-def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
+def _close(face: TrimmedFace | None, plan: SolidPlan) -> bool:
     tolerance = OUTLINE_SHARE * plan.limits.distance
     return face is not None and face.gap <= SPLIT and face.off <= tolerance
 
 
 def _with_cut_ends(
-    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
+    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SolidPlan
 ) -> tuple[ChainNet, NetModel]:
     regions, previous = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
@@ -370,7 +364,7 @@ def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> 
 class _Fits:
     """Lines and models of nets. A cache keeps samples of unchanged chains and trimmed faces of unchanged outlines."""
 
-    def __init__(self, interior: RegionInterior, plan: SmoothPlan) -> None:
+    def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
         skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
         box = _wide_box(skins)

@@ -23,7 +23,7 @@ from dsfab.export.cad.step.by_members.lines import (
     with_twins,
 )
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, mean_width
-from dsfab.export.cad.step.smooth.edges import LOOP_SHARE, OUTLINE_SHARE
+from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein
 
 REACH_SHARE = 3 / 4

@@ -135,6 +135,22 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
+GAP_SHARE = 1 / 20
+"""Widest gap between a skin and its edges, as a share of the thickness."""
+
+OUTLINE_SHARE = 0.55
+"""Tolerance of outlines, as a share of the allowed distance."""
+
+LOOP_SHARE = 0.03
+"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
+
+
+def decimals(thickness: float) -> int:
+    """Return the number of decimals of coordinates, mm, which round by a small share of the thickness (mm)."""
+    rounding = 3e-5
+    return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
+
+
 MOST_CHORD = 1 / 4
 """Largest chord error, as a share of the thickness, because the estimate is wrong at creases."""
 

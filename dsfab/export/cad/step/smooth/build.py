@@ -17,10 +17,11 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.core.sparse.cholesky import one_blas_thread
 from dsfab.export.cad.step.file_size import BudgetError, require_budget
-from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.acceptance import GAP_SHARE, Acceptance, SmoothPlan, SmoothSolid
+from dsfab.export.cad.step.shared.sheet_outline import WALL, SheetOutline
+from dsfab.export.cad.step.shared.skins import GAP_SHARE, SmoothLimits
+from dsfab.export.cad.step.smooth import acceptance
+from dsfab.export.cad.step.smooth.acceptance import Acceptance, SmoothPlan, SmoothSolid
 from dsfab.export.cad.step.smooth.edges import LEVEL_FACTORS, RunKey
-from dsfab.export.cad.step.smooth.layout import WALL, SheetOutline
 from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothPiece, SmoothPieceFile, crossings, file_text, rest_of
 from dsfab.export.cad.step.worker.reports import OcctFinding, findings, occt
 from dsfab.export.part import Part
@@ -106,7 +107,9 @@ class _SmoothSearch:
         verdicts, todo = dict[int, Acceptance](), requested
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._findings(program, model, ready))
+            verdicts |= acceptance.verdicts(
+                gate, {k: model.pieces[k] for k in todo}, self._findings(program, model, ready)
+            )
             todo = [k for k in todo if len(verdicts[k].bad) and raise_levels(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break

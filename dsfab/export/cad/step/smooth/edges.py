@@ -8,9 +8,10 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
+from dsfab.export.cad.step.shared.sheet_outline import OutlineRun, SheetOutline
+from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.cad.step.smooth.charts import SkinChart
-from dsfab.export.cad.step.smooth.layout import OutlineRun, SheetOutline
-from dsfab.export.splines import Fitted, Spline, segment_spline, splines_through
+from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, splines_through
 
 
 @dataclass(eq=False)
@@ -68,17 +69,11 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
 LEVEL_FACTORS = (1.0, 0.2, 0.04)
 """Factors of the tolerance of a run: before, after one, and after two refusals."""
 
-OUTLINE_SHARE = 0.55
-"""Tolerance of outlines, as a share of the allowed distance."""
-
 SPACE_SHARE = 1 / 50
 """Tolerance of curves on the skins, as a share of the thickness."""
 
 SAMPLE_FACTORS = (1, 4, 16)
 """Factors of the number of samples on the skins; they are tried in turn until the curve is close enough."""
-
-LOOP_SHARE = 0.03
-"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,17 +204,6 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
         values = function(k, np.concatenate([rows[i] for i in members]))
         results |= zip(members, np.split(values, np.cumsum([len(rows[i]) for i in members])[:-1]), strict=True)
     return [results[i] for i in range(len(charts))]
-
-
-def even_samples(line: Floats) -> tuple[Floats, Floats]:
-    """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
-
-    The number of intervals is a power of two.
-    """
-    count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    x = np.arange(count + 1) / count
-    return x, np.stack([np.interp(x * length[-1], length, column) for column in line.T], axis=1)
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:

@@ -23,7 +23,8 @@ from dsfab.export.cad.step.entities import (
 from dsfab.export.cad.step.file_size import simplified_part, usual_tolerance
 from dsfab.export.cad.step.flat_sheets import signed_loop_area
 from dsfab.export.cad.step.planar import Polyhedron, polyhedron
-from dsfab.export.cad.step.shared.skins import SmoothLimits
+from dsfab.export.cad.step.shared.sheet_outline import WALL, ChartRegion, OutlineRun, SheetOutline
+from dsfab.export.cad.step.shared.skins import SmoothLimits, decimals
 from dsfab.export.cad.step.smooth.charts import SkinChart, SplinePatch
 from dsfab.export.cad.step.smooth.edges import (
     EdgeTolerances,
@@ -36,7 +37,6 @@ from dsfab.export.cad.step.smooth.edges import (
     seam_edges,
     wall_edges,
 )
-from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.splines import Spline, segment_spline
@@ -225,9 +225,6 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     return np.asarray((start_side * end_side < 0) & (np.minimum(np.abs(start_side), np.abs(end_side)) > ROUNDED * long))
 
 
-ROUNDING = 3e-5
-"""Largest rounding of coordinates, as a share of the thickness; at least 1e-6 mm."""
-
 SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
 """Position of each side of a wall: where it starts, in lengths of the sides, and its direction."""
 
@@ -237,8 +234,7 @@ class SmoothText:
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
-        digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
-        self._points = partial(entity_list.points, digits=digits)
+        self._points = partial(entity_list.points, digits=decimals(model.thickness))
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:

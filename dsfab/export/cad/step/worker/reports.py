@@ -5,7 +5,6 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -115,46 +114,29 @@ def occt() -> PreparedProgram:
     return PreparedProgram(occt_program.__file__)
 
 
-def findings(program: PreparedProgram, text: str, deflection: float, limit: float) -> list[OcctFinding]:
-    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
-
-    deflection : largest distance of the triangles from the solid, millimetres.
-    """
-    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "a.step"
-        path.write_text(text, encoding="ascii")
-        try:
-            records = _records(program, str(path), folder, deflection, limit)
-        except (subprocess.TimeoutExpired, ProgramError):
-            return []
-        return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
-
-
-def whole_findings(
+def findings(
     program: PreparedProgram,
     text: str,
     deflection: float,
     limit: float,
-    on_triangles: Callable[[StepMesh], None] = lambda mesh: None,
+    on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
-    """Return findings as from `findings`, for solids that are judged together; these findings contain no triangles.
+    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
 
-    If every face has triangles, `on_triangles` gets the triangles of all solids, as from `read_step`, while OCCT
-    continues. The file is read only once, which takes half of OCCT's time here.
+    deflection   : largest distance of the triangles from the solid, millimetres.
+    on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
+                   triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.
+                   OCCT then reads the file only once, which is half of OCCT's time.
     """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
+        look = (lambda: on_triangles(mesh_in(folder, {"deflection": deflection}))) if on_triangles else None
         try:
-            look = partial(_pass_triangles, folder, deflection, on_triangles)
             records = _records(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
-        return [_finding(record, Path(folder) / "none.stl") for record in records]
-
-
-def _pass_triangles(folder: str, deflection: float, on_triangles: Callable[[StepMesh], None]) -> None:
-    on_triangles(mesh_in(folder, {"deflection": deflection}))
+        return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
 
 
 def _records(
