@@ -803,7 +803,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
     model = NetModel(vertices=[part[0] for part in parts])
     model.edges += [NetEdge(i, (i + 1) % 5, part) for i, part in enumerate(parts)]
     model.patches.append(NetPatch([(i, True) for i in range(5)], P))
-    NetWriter(new := StepEntities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([], {})
     points = {
         int(n): np.array(x.split(","), float)
         for n, x in re.findall(r"#(\d+)=CARTESIAN_POINT\('',\((.*?)\)\)", "".join(new.text))

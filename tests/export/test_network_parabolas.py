@@ -118,7 +118,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
     model = NetModel(vertices=[side[0] for side in sides])
     model.edges += [NetEdge(i, (i + 1) % 4, side) for i, side in enumerate(sides)]
     model.patches.append(NetPatch([(i, True) for i in range(4)], P))
-    NetWriter(new := StepEntities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([], {})
     text = "".join(new.text)
     assert sorted(re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',(\d)", text)) == ["2"] * 6 + ["3"] * 2  # on each skin
     assert re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text) == [("3", "2")] * 2

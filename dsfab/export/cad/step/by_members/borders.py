@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.fillets import outline_and_border, turn_at, with_moved_ends
 from dsfab.export.cad.step.by_members.lines import BEND_ANGLE, CORNER_ANGLE
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at
 from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.splines import Spline, bernstein, even_samples, splines_through
+from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, splines_through
 
 TOUCHING_SHARE = 1 / 400
 """Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther
@@ -101,10 +101,8 @@ def without_chain(net: ChainNet, k: int) -> ChainNet:
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
     chains, loops, cell = dict(net.chains), dict(net.loops), net.cell.copy()
-    left_steps, right_steps = (
-        _rest_of_loop(loops[kept_region][0], (k, True)),
-        _rest_of_loop(loops.pop(joined_region)[0], (k, False)),
-    )
+    left_steps = _rest_of_loop(loops[kept_region][0], (k, True))
+    right_steps = _rest_of_loop(loops.pop(joined_region)[0], (k, False))
     loop = _without_spurs(left_steps + right_steps)
     for step, ahead in right_steps:
         chains[step] = chains[step].with_region(kept_region, ahead)
@@ -132,34 +130,27 @@ def _without_spurs(loop: ChainLoop) -> ChainLoop:
     return steps
 
 
-SIDEWAYS_SHARE = 1 / 3
-"""Largest sideways movement of a chain, as a share of the thickness."""
-
-SAG_SHARE = 1 / 400
-"""Largest distance of chords from the straightened curve, as a share of the thickness; fits to coarse polylines need
-many spans."""
-
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Remove hairpins, and put each inner chain on the simplest curve near the chain; thickness in millimetres."""
+    sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
+    sag = 1 / 400  # chords are off the curve by at most this share of the thickness; coarser polylines need many spans
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
         crease = lifting.sides.on_creases(net.weights)
         inner = [k for k in inner if not crease[net.chains[k].points].all()]
-    fits = splines_through(
-        [even_samples(P[net.chains[k].points]) for k in inner], [SIDEWAYS_SHARE * thickness] * len(inner)
-    )
+    fits = splines_through([even_samples(P[net.chains[k].points]) for k in inner], [sideways * thickness] * len(inner))
     curves = {k: curve for k, (curve, _) in zip(inner, fits, strict=True)}
     N = np.asarray(net.weights @ lifting.skins.normals)
     net = _without_hairpins(net, [k for k, curve in curves.items() if _turns_back(curve)], N)
     curves = {k: curve for k, curve in curves.items() if k in net.chains}
     if not curves:
         return net
-    between = [curve(np.linspace(0, 1, _points(curve, SAG_SHARE * thickness))[1:-1]) for curve in curves.values()]
+    between = [curve(np.linspace(0, 1, _points(curve, sag * thickness))[1:-1]) for curve in curves.values()]
     rows = lifting.weights_at(np.concatenate(between))
     chains, start = dict(net.chains), len(P)
     for k, row in zip(curves, between, strict=True):
@@ -250,9 +241,8 @@ class _BorderEnds:
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
     def _anchor(self, line: Ints) -> Floats:
-        P = self.P[line]
-        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
-        return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in P.T])
+        lengths = arc_lengths(self.P[line])
+        return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in self.P[line].T])
 
     def _points_around(self, before: int, after: int) -> Floats:
         points_before, points_after = self.chains[before].points, self.chains[after].points
@@ -285,13 +275,8 @@ class _BorderEnds:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        return (
-            j
-            if BEND_ANGLE
-            < np.deg2rad(turn_at(self._points_around(k, j) if i else self._points_around(j, k)))
-            < CORNER_ANGLE
-            else -1
-        )
+        turn = np.deg2rad(turn_at(self._points_around(k, j) if i else self._points_around(j, k)))
+        return j if BEND_ANGLE < turn < CORNER_ANGLE else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         points = self.chains[k].points
@@ -329,16 +314,13 @@ class _BorderEnds:
 
 
 def _bent(line: Floats) -> Ints:
-    directions = np.diff(line, axis=0)
-    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+    directions = unit_vectors(np.diff(line, axis=0))
     return 1 + np.flatnonzero(np.einsum("ki,ki->k", directions[:-1], directions[1:]) < np.cos(BEND_ANGLE))
 
 
 def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
     """Return the angle in degrees at the middle of three points, between the anchor and the mean direction of both
     sides."""
-    ways = np.diff(points, axis=0)
-    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
-    along, to_anchor = weights @ ways, anchor - points[1]
+    along, to_anchor = weights @ unit_vectors(np.diff(points, axis=0)), anchor - points[1]
     cosine = abs(along @ to_anchor) / max(float(np.linalg.norm(along) * np.linalg.norm(to_anchor)), 1e-300)
     return float(np.degrees(np.arccos(min(1.0, cosine))))

@@ -11,7 +11,7 @@ from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.regions import VOID, ChainNet
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.splines import Spline, basis, bernstein, even_samples, splines_through
+from dsfab.export.splines import Spline, arc_lengths, basis, bernstein, even_samples, splines_through
 
 READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])
 """Parameters of the four points that determine the poles of a cubic."""
@@ -91,7 +91,7 @@ class SampledChain:
     @cached_property
     def lengths(self) -> Floats:
         """(k,) arc lengths, millimetres."""
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
+        return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
         """Return the vector from one end to the chain's point `reach` mm farther, and the unit normal at this end."""
@@ -191,9 +191,8 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
     start_weights, end_weights = net.weights[start], net.weights[end]
-    parts = [
-        csr_array(start_weights * (1 - t) + end_weights * t) for t in np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
-    ]
+    shares = np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
+    parts = [csr_array(start_weights * (1 - t) + end_weights * t) for t in shares]
     last_points = net.weights[np.array([p[-1] for p in points])]
     Q = lifting.points(csr_array(vstack([*parts, last_points], format="csr")))
     count, chord = len(start), limits.allowed_distances(Q[: len(start), :3]) - limits.distance
@@ -210,9 +209,6 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
 PARABOLA_SHARE = 1 / 10
 """Largest distance of a parabola from its cubic, as a share of the allowed distance of a solid from the mesh."""
 
-TURN_TANGENTS = np.tan(np.deg2rad([0.5, 0.25]))
-"""Tangents of the largest turns of a curve at its ends, along the skins and out of them, where the skins are smooth."""
-
 ZERO_DIFFERENCE = 1e-8
 """A third difference below this counts as zero (millimetres), because curves are cut and turned before they are
 written."""
@@ -225,13 +221,9 @@ def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floa
     """Replace a curve by parabolas if all its cubics are nearly parabolas.
     distance : allowed distance of a solid from its mesh, millimetres. The poles of a parabola lie farther out; if they
     leave the box (2, 3) by more than `distance`, the curve stays cubic."""
-    wide = box + distance * np.array([[-1.0], [1.0]])
-    return [
-        replace(curve, spans=as_parabolas(curve.spans, 1))
-        if _are_parabolas(curve.spans, PARABOLA_SHARE * distance, wide)
-        else curve
-        for curve in curves
-    ]
+    wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
+    simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
+    return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
 
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
@@ -274,6 +266,7 @@ def _middle_pole(P: Floats) -> Floats:
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # the ends turn by 0.5 degrees at most, and by 0.25 out of a skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():
@@ -283,5 +276,5 @@ def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     third = _third(P)
     difference, out = np.linalg.norm(third, axis=2), np.abs((third * across).sum(axis=2))
     handle = 3 * np.linalg.norm(P[[1, 3]] - P[[0, 2]], axis=3).min(axis=0)
-    turned = (difference / 2 <= TURN_TANGENTS[0] * handle) & (out / 2 <= TURN_TANGENTS[1] * handle)
-    return bool((turned & (BOW_FACTOR * difference <= tolerance)).all())
+    is_smooth = (difference / 2 <= turn * handle) & (out / 2 <= turn_out * handle)
+    return bool((is_smooth & (BOW_FACTOR * difference <= tolerance)).all())

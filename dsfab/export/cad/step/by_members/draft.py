@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
+from itertools import islice
 from weakref import WeakSet
 
 import numpy as np
@@ -52,8 +52,6 @@ EDGE_DIGITS = 7
 OCCT ignores less than 1e-7 mm, but measures more at samples. A shortened edge has other samples, and an increase by a
 thousandth makes the edge invalid."""
 
-NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
-
 
 class NetWriter:
     """Writer of a model; it adds entities to `new`. thickness : mm. The two sides of a seam share their entities."""
@@ -67,7 +65,7 @@ class NetWriter:
         ]
         self.edges = list[list[int]]()
 
-    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
+    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
         """Add all faces and return their numbers. seams : extended seams by edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
@@ -131,15 +129,8 @@ class NetWriter:
         return self._grid(poles, EDGE_DIGITS)
 
     def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
-        flat_numbers, position = (
-            list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))),
-            0,
-        )
-        numbers = list[list[list[int]]]()
-        for k in map(len, lines):
-            numbers.append([flat_numbers[position : position + k], flat_numbers[position + k : position + 2 * k]])
-            position += 2 * k
-        return numbers
+        numbers = self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))
+        return [[list(islice(numbers, len(line))) for _ in range(2)] for line in lines]
 
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
         numbers = list(self.new.points(poles.reshape(-1, 3), digits))
@@ -160,36 +151,14 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-DESCRIPTION = "curved solid of four-sided patches by members"
-"""Description of the solid in the header of the file."""
-
 GAP_SHARE = 1 / 4000
 """Wanted gap between a trimmed face and its edges, as a share of the thickness."""
-
-NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
-"""A gap below the first number (mm) is narrow enough, if it is also below the second, a share of the thickness. To
-close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles."""
-
-SHORT_WALL_SHARE = 1 / 20
-"""A wall between two borders is removed if it is shorter than this share of the thickness."""
-
-LENS_SHARE = 1 / 3
-"""A region between two chains is removed if it is narrower than this share of the thickness."""
 
 PASSES = 3
 """Number of repeated tests for crossing outlines, because joined or undivided regions may cross again."""
 
 UNASKED = 7000
 """Largest number of faces for a hurry of 1, unless the user requests members by name: more faces take half a minute."""
-
-WALL_SHARE = 3 / 4
-"""Smallest expected ratio of walls to outline chains: in `hypar.obj` and a cylinder a fifteenth of the chains is
-joined."""
-
-
-BOX_SHARE = 1 / 300
-"""Largest distance of poles outside of the surface's box, as a share of the size of the box. Along the rim of a vault
-of 12 m poles were 170 mm above the box, and OCCT's box grew as much."""
 
 
 class ManyFacesError(ExportError):
@@ -219,6 +188,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
+    least_joined = 3 / 4  # at least this share of the outline's chains become walls; usually 14 of 15 do
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -226,13 +196,13 @@ def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
-        _require_few(part, 2 * len(net.loops) + int(WALL_SHARE * walls))
+        _require_few(part, 2 * len(net.loops) + int(least_joined * walls))
         model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
         pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
         trimmed += surfaces
     _require_few(part, faces := sum(map(len, pieces)))
-    text = "".join(entity_list.file(pieces, part.name, DESCRIPTION))
+    text = "".join(entity_list.file(pieces, part.name, "curved solid of four-sided patches by members"))
     return MemberDraft(text, len(pieces), faces, 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
 
@@ -268,13 +238,16 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
     """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
     region."""
+    # Regions between two chains and walls between two borders are removed if they are narrower or shorter than these
+    # shares of the thickness.
+    lens_share, wall_share = 1 / 3, 1 / 20
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
-    net = joined_outlines(without_lenses(net, P, LENS_SHARE * t), P, N)
-    net = with_steep_ends(without_short_walls(net, lifting, SHORT_WALL_SHARE * t), lifting, t)
+    net = joined_outlines(without_lenses(net, P, lens_share * t), P, N)
+    net = with_steep_ends(without_short_walls(net, lifting, wall_share * t), lifting, t)
     return straight_net(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
@@ -399,8 +372,12 @@ class _Fits:
 
 
 def _wanted_gap(thickness: float) -> float:
-    return max(GAP_SHARE * thickness, min(NARROW_MM, THIN_GAP_SHARE * thickness))
+    # To close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough below 0.01 mm and this share of the thickness
+    return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    return np.asarray(skins + BOX_SHARE * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))
+    # Along the rim of a vault of 12 m poles were 170 mm above the box of the surface, and OCCT's box grew as much.
+    share = 1 / 300  # poles may leave the box by this share of its size
+    return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

@@ -36,8 +36,7 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
     is off."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
-    skins = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
-    return np.stack([places(*skin) for skin in skins])
+    return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
@@ -79,10 +78,6 @@ FILLET_SHARE = 1 / 6
 
 MARGIN = 0.1
 """Surfaces extend farther than the seam by this share of its extension."""
-
-WIDER_SHARE = 1 / 100
-"""Extension of a patch, as a share of the thickness, beside a seam that continues a wall's edge. OCCT extends the seam
-nearly along that edge and needs places on the patch for it."""
 
 LARGE_FILLET_SHARE = 1 / 8
 """The patch beyond such a seam is extended for a fillet with this radius over the thickness. OCCT extends the patch
@@ -148,9 +143,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
     for P in np.split(ahead, 2, axis=1):
         speed = 3 * float(np.linalg.norm(P[1] - P[0]))
         bend = 6 * abs(float((P[2] - 2 * P[1] + P[0]) @ across)) / max(thick * speed**2, 1e-300)
-        shares.append(
-            (LARGE_FILLET_SHARE * thick * half - np.sqrt(2 * TANGENT_GAP / max(bend, 1e-300))) / max(speed, 1e-300)
-        )
+        reach = LARGE_FILLET_SHARE * thick * half - np.sqrt(2 * TANGENT_GAP / max(bend, 1e-300))
+        shares.append(reach / max(speed, 1e-300))
     return max(0.0, *shares) / (1 + MARGIN)
 
 
@@ -212,11 +206,10 @@ def _beside_straight(
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
-        for i in (i for i, face_edges in loops.items() if corner.seam in face_edges):
+        for i in (i for i, edges in loops.items() if corner.seam in edges and i < len(model.patches)):
             if corner.straight in loops[i]:
-                if i < len(model.patches):
-                    boxes[i] = _wider_box(model.patches[i])
-            elif corner.seam in longer and i < len(model.patches):
+                boxes[i] = _wider_box(model.patches[i])
+            elif corner.seam in longer:
                 uv = _places(model, faces, i, corner.seam, *longer[corner.seam])
                 if uv is not None:
                     needed.setdefault(i, []).append(uv)
@@ -224,10 +217,11 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
+    wider = 1 / 100  # over the thickness; OCCT extends the seam nearly along the wall's edge and needs the patch there
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
-    margin = WIDER_SHARE * thick / np.maximum(long, WIDER_SHARE * thick)
+    margin = wider * thick / np.maximum(long, wider * thick)
     return np.tile(np.stack([-margin, 1 + margin]), (2, 1, 1))
 
 
@@ -251,12 +245,9 @@ def _on_both(
 
 
 def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
-    count = len(model.patches)
-    return (
-        on_patch(model.patches[i], model.edges[e].poles, share, poles)
-        if i < count
-        else on_face(faces[i - count], poles)
-    )
+    if i < len(model.patches):
+        return on_patch(model.patches[i], model.edges[e].poles, share, poles)
+    return on_face(faces[i - len(model.patches)], poles)
 
 
 def _box(uv: Floats) -> Floats:
@@ -310,10 +301,8 @@ def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMo
 def _directed_walls(
     outline: list[NetWall], model: NetModel, face_of_edge: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
-    cosines = [
-        float(wall_direction(wall, model, True) @ wall_direction(outline[i - 1], model, False))
-        for i, wall in enumerate(outline)
-    ]
+    starts, ends = ([wall_direction(wall, model, at_start) for wall in outline] for at_start in (True, False))
+    cosines = [float(start @ ends[i - 1]) for i, start in enumerate(starts)]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
     turns = [half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]

@@ -9,6 +9,7 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Floats, Ints
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at, outline_through
 from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.splines import arc_lengths
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
@@ -32,15 +33,11 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
     fewest = 5  # a chain with moved ends has at least 5 points
     line = P[points]
-    lengths = _lengths(line)
+    lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
     x = np.linspace(0, 1, max(len(points), fewest))
-    points_on_line = np.stack([np.interp(x * lengths[-1], lengths, c) for c in line.T], axis=1)
+    points_on_line = np.stack([np.interp(x * lengths[-1], lengths, column) for column in line.T], axis=1)
     return np.asarray((points_on_line + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
-
-
-def _lengths(line: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
@@ -52,7 +49,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
     loops = {region: [list(loop) for loop in region_loops] for region, region_loops in net.loops.items()}
     for k, chain in net.chains.items():
-        if chain.right != VOID or _lengths(P[chain.points])[-1] >= shortest:
+        if chain.right != VOID or arc_lengths(P[chain.points])[-1] >= shortest:
             continue
         before, after = (outline_and_border(net, node_ends[int(chain.points[i])]) for i in (0, -1))
         wall_loop = next(loop for loop in loops[chain.left] if (k, True) in loop)
@@ -74,10 +71,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
     """Return the outline's chains that end and begin at a node, and the end of its only border there, or None."""
-    outline, borders = (
-        outline_through(net, ends),
-        [chain_end for chain_end in ends if net.chains[chain_end[0]].right != VOID],
-    )
+    outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
@@ -117,13 +111,9 @@ class _Arcs:
         position, node = beyond_loop.index((border, not ahead)), -1 if direction > 0 else 0
         rest, wall = (beyond_loop[(position + i * direction) % len(beyond_loop)] for i in (1, 2))
         points = self.chains[rest[0]].points
-        walls = self._region_beyond(rest) == VOID == self._region_beyond(wall)
-        if (
-            not walls
-            or rest[0] in self.arcs
-            or self.degree[points[node]] != 2
-            or self._length(points) > self._length(chain.points)
-        ):
+        if not self._region_beyond(rest) == VOID == self._region_beyond(wall) or self.degree[points[node]] != 2:
+            return
+        if rest[0] in self.arcs or self._length(points) > self._length(chain.points):
             return
         point_rows = [chain.points, points[1:]] if direction > 0 else [points, chain.points[1:]]
         self.chains[arc] = replace(chain, points=np.concatenate(point_rows))
@@ -139,7 +129,7 @@ class _Arcs:
         return chain.right if step[1] else chain.left
 
     def _length(self, points: Ints) -> float:
-        return float(_lengths(self.P[points])[-1])
+        return float(arc_lengths(self.P[points])[-1])
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
@@ -156,7 +146,7 @@ class _Fillets:
         P: Floats = np.asarray(net.weights @ lifting.skins.points)
         self.P = np.concatenate([P, np.zeros((len(net.loose), 3))])
         self.count, self.free = len(P), len(net.chains)
-        self.middles = list[tuple[int, int, float]]()
+        self.middles = list[tuple[tuple[int, int], float]]()
         self.chains, self.loops = dict(net.chains), {r: [list(x) for x in loops] for r, loops in net.loops.items()}
         self.loose = set(net.loose)
         self.place = dict[int, int]()
@@ -175,7 +165,8 @@ class _Fillets:
         detour = 2.2
         if len(self.loops[region]) != 1:
             return
-        inner, arc = _inner_and_arc(self.loops[region][0], self._neighbours(region))
+        loop = self.loops[region][0]
+        inner, arc = _inner_and_arc(loop, [self._neighbour(step) for step in loop])
         if not inner or not arc:
             return
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
@@ -194,11 +185,8 @@ class _Fillets:
             points, middle = self._middle(points)
             halves = [points[middle:], points[: middle + 1]]
             self.place |= dict.fromkeys(behind, int(points[middle]))
-        self._hand_over(inner, neighbours, halves)
-        for k, _ in arc:
-            del self.chains[k]
-        del self.loops[region]
-        self.loose.discard(region)
+        self._divide_arc(inner, neighbours, halves)
+        self._remove(region, arc)
 
     def _to_crossing(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> bool:
         crossing = self._crossing(inner, neighbours)
@@ -213,7 +201,7 @@ class _Fillets:
         if any(border < 0 for border, _, _ in moves):
             return False
         steps = [(k, not ahead) for (k, ahead), r in zip(inner, neighbours, strict=True) if r == crossing]
-        first_step = steps[0] if steps else self._leaving(moves[0][0], moves[0][1])
+        first_step = steps[0] if steps else (moves[0][0], int(self.chains[moves[0][0]].points[0]) == moves[0][1])
         loop = next((candidate for candidate in self.loops[crossing] if first_step in candidate), None)
         if loop is None:
             return False
@@ -224,15 +212,15 @@ class _Fillets:
         self.arcs.append(self.free)
         self.free += 1
         self.moved |= {(border, c): end for border, c, end in moves}
-        self._remove(region, inner, arc, neighbours)
+        for (k, ahead), neighbour in zip(inner, neighbours, strict=True):
+            for neighbour_loop in self.loops[neighbour]:
+                if (k, not ahead) in neighbour_loop:
+                    neighbour_loop.remove((k, not ahead))
+        self._remove(region, [*inner, *arc])
         return True
 
-    def _remove(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> None:
-        for (k, ahead), neighbour in zip(inner, neighbours, strict=True):
-            for loop in self.loops[neighbour]:
-                if (k, not ahead) in loop:
-                    loop.remove((k, not ahead))
-        for k, _ in [*inner, *arc]:
+    def _remove(self, region: int, steps: ChainLoop) -> None:
+        for k, _ in steps:
             del self.chains[k]
         del self.loops[region]
         self.loose.discard(region)
@@ -268,10 +256,7 @@ class _Fillets:
     def _ending(self, point: int) -> list[int]:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
-    def _leaving(self, k: int, point: int) -> tuple[int, bool]:
-        return k, int(self.chains[k].points[0]) == point
-
-    def _hand_over(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
+    def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
         """Divide an arc, and give its parts to the first and the last region behind it; the last part comes first."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
@@ -286,9 +271,6 @@ class _Fillets:
                     loop[position : position + 1] = replacement
             del self.chains[k]
 
-    def _neighbours(self, region: int) -> list[int]:
-        return [self._neighbour(step) for step in self.loops[region][0]]
-
     def _neighbour(self, step: tuple[int, bool]) -> int:
         chain = self.chains[step[0]]
         return chain.right if step[1] else chain.left
@@ -301,28 +283,21 @@ class _Fillets:
         return float(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1).sum())
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
-        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
+        lengths = arc_lengths(self.P[points])
         half = lengths[-1] / 2
         i = int(np.clip(np.searchsorted(lengths, half) - 1, 0, len(points) - 2))
         t = (half - lengths[i]) / (lengths[i + 1] - lengths[i])
-        self.middles.append((int(points[i]), int(points[i + 1]), float(t)))
+        self.middles.append(((int(points[i]), int(points[i + 1])), float(t)))
         self.P[self.count] = (1 - t) * self.P[points[i]] + t * self.P[points[i + 1]]
         self.count += 1
         return np.insert(points, i + 1, self.count - 1), i + 1
 
     def result(self) -> ChainNet:
-        starts, ends, t = (
-            (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
-        )
-        weights = self.net.weights
-        rows = [weights, weights[starts].multiply(1 - t[:, None]) + weights[ends].multiply(t[:, None])]
-        net = replace(
-            self.net,
-            weights=csr_array(vstack(rows, format="csr")),
-            chains=self.chains,
-            loops=self.loops,
-            loose=frozenset(self.loose),
-        )
+        starts, ends = np.array([points for points, _ in self.middles], dtype=np.int64).reshape(-1, 2).T
+        t, rows = np.array([share for _, share in self.middles]), self.net.weights
+        halves = rows[starts].multiply(1 - t[:, None]) + rows[ends].multiply(t[:, None])
+        rows = csr_array(vstack([rows, halves], format="csr"))
+        net = replace(self.net, weights=rows, chains=self.chains, loops=self.loops, loose=frozenset(self.loose))
         moves = {
             (k, i): self.moved.get((k, int(chain.points[i])), self.place.get(int(chain.points[i]), -1))
             for k, chain in self.chains.items()

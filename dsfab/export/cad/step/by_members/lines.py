@@ -22,13 +22,6 @@ ChainEnd = tuple[int, int]
 """End of a chain: number of the chain, and 0 for its first point or -1 for its last."""
 
 
-SHORTEST_SPAN = 1 / 16
-"""Smallest part of a divided cubic, as a share of the line's parameters. Ends of lines may lie outside of the box."""
-
-MIDDLE_SHARE = 1 / 4
-"""If a chain ends near the middle of a cubic, the cubic is divided there: at most this share of the cubic away."""
-
-
 @dataclass(frozen=True, eq=False)
 class ChainLine:
     """One curve along several chains. at : (k + 1,) parameters where the chains end."""
@@ -64,15 +57,17 @@ class ChainLine:
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
         the middle."""
+        shortest = 1 / 16  # a shorter part of the line's parameters stays, because ends of lines may lie outside a box
+        near = 1 / 4  # a chain's end is near the middle of a cubic if it is at most this share of the cubic away
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
             a, b, P = todo.pop()
-            if may_stay(a, b, P) or b - a < SHORTEST_SPAN:
+            if may_stay(a, b, P) or b - a < shortest:
                 breaks.append(b)
                 spans.append(P)
                 continue
-            near_ends = self.at[np.abs(self.at - (a + b) / 2) < MIDDLE_SHARE * (b - a)]
+            near_ends = self.at[np.abs(self.at - (a + b) / 2) < near * (b - a)]
             x = near_ends[np.argmin(np.abs(near_ends - (a + b) / 2))] if len(near_ends) else (a + b) / 2
             share = (x - a) / (b - a)
             lower, upper = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
@@ -102,10 +97,7 @@ class NetLines:
     def nodes(self, i: int) -> list[int]:
         """Nodes of a line in order."""
         steps = self.lines[i].steps
-        return [
-            *(node_of(self.net, (k, 0 if ahead else -1)) for k, ahead in steps),
-            node_of(self.net, end_of(steps[-1])),
-        ]
+        return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
         """Return (k, 4, 6) poles of parts of lines, in the direction of each part; no part may contain a break."""
@@ -203,8 +195,7 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
     """Nodes at the ends of a line."""
-    (first_chain, ahead), last_step = line.steps[0], line.steps[-1]
-    return node_of(net, (first_chain, 0 if ahead else -1)), node_of(net, end_of(last_step))
+    return net.ends(line.steps[0])[0], net.ends(line.steps[-1])[1]
 
 
 def node_of(net: ChainNet, end: ChainEnd) -> int:
@@ -227,16 +218,6 @@ CORNER_ANGLE = np.deg2rad(50.0)
 
 BEND_ANGLE = np.deg2rad(10.0)
 """An outline is round at a vertex with at least this turn (radians), see `regions.ROUND_COSINE`."""
-
-FLATTEST_COSINE = np.cos(np.deg2rad(25.0))
-"""Cosine of the smallest angle between an arc and a border that ends with the arc; patches in narrower wedges are
-folded."""
-
-WIDEST_COSINE = np.cos(np.deg2rad(80.0))
-"""Cosine of the largest angle between an arc's chord and its direction at an end."""
-
-DENSE = np.linspace(0, 1, 65)
-"""Parameters where an arc is compared with its chords."""
 
 
 class ArcsOnSkins:
@@ -288,7 +269,7 @@ def _line_with_arc(line: ChainLine, arc: ChainCurve) -> ChainLine:
 
 
 def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
-    line = curve(DENSE)
+    line = curve(np.linspace(0, 1, 65))
     return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
 
 
@@ -346,10 +327,6 @@ class _Corners:
             self.made[k] = start, end, _arc_between(P[0], Q[3], start_direction, end_direction)
         return self.made[k][2]
 
-    def _chord(self, k: int) -> tuple[Floats, Floats]:
-        spans = self.curves[k].spans
-        return spans[0, 0], spans[-1, -1]
-
     def _known_way(self, node: int) -> Floats | None:
         """Return the (6,) direction of an outline at a node, from a cache; None at a corner, or at a border that
         leaves this way."""
@@ -362,30 +339,31 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        way_before, way_after = self._end_ways(before, after)
+        flattest = 25.0  # a border meets an arc at 25 degrees or more, because patches in narrower wedges are folded
+        P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
+        way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
             return None
         d = way_after if before in self.round else way_before
         if before in self.round and after in self.round:
             d = self._on_circle(before, after)
         seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
-        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams)
+        limit = np.cos(np.deg2rad(flattest))
+        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < limit for seam, end in seams)
         return d if steep else None
-
-    def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
-        P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
-        return _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
 
     def _on_circle(self, before: int, after: int) -> Floats:
         """Return the (6,) tangent at the point where two consecutive chains meet, of the circle through the three
         ends."""
-        (a, b), (_, c) = self._chord(before), self._chord(after)
+        spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
+        a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
 
     def _seam_way(self, k: int, end: int) -> Floats:
         P = self.lines.curve(k).spans[end]
-        return _unit(_mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3]))
+        direction = _mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3])
+        return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-300))
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
@@ -415,9 +393,10 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would turn too far.
     The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(turn/4)) away from its ends."""
+    widest = 80.0  # the direction at an end is at most 80 degrees off the chord
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
-    if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:
+    if min(float(direction @ chord) for direction in directions) < np.cos(np.deg2rad(widest)) * long:
         return None
     turn = float(np.arccos(np.clip(directions[0] @ directions[1], -1, 1)))
     handle = long / (3 * np.cos(turn / 4) ** 2)
@@ -431,7 +410,3 @@ def _mean_direction(direction: Floats) -> Floats:
 
 def _scaled_direction(direction: Floats) -> Floats:
     return np.asarray(direction / np.linalg.norm(_mean_direction(direction)))
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))

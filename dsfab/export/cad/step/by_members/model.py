@@ -117,12 +117,7 @@ def net_model(
 
 class _ModelAssembly:
     def __init__(
-        self,
-        stations: SideStations,
-        quads: list[Quad],
-        other_regions: list[int],
-        covering: PatchBuilder,
-        model: NetModel,
+        self, stations: SideStations, quads: list[Quad], others: list[int], covering: PatchBuilder, model: NetModel
     ) -> None:
         self.lines = lines = stations.lines
         self.model = model
@@ -130,9 +125,7 @@ class _ModelAssembly:
         self.node = dict[int, int]()
         self.place = list[dict[float, int]]()
         self.edges = list[list[int]]()
-        stops = [
-            sorted(line_stops | stations.stops[lines.twins.get(i, i)]) for i, line_stops in enumerate(stations.stops)
-        ]
+        stops = [sorted(x | stations.stops[lines.twins.get(i, i)]) for i, x in enumerate(stations.stops)]
         poles = lines.parts([(i, a, b) for i, line_stops in enumerate(stops) for a, b in pairwise(line_stops)])
         line_poles = np.split(poles, np.cumsum([len(line_stops) - 1 for line_stops in stops])[:-1])
         for i, (line_stops, P) in enumerate(zip(stops, line_poles, strict=True)):
@@ -141,10 +134,10 @@ class _ModelAssembly:
         patches = covering([quad.region for quad in quads], self._sides(grids))
         for quad, grid, patch_poles in zip(quads, grids, patches, strict=True):
             if patch_poles is None:
-                other_regions.append(quad.region)
+                others.append(quad.region)
             else:
                 self._add(patch_poles, grid)
-        for region in other_regions:
+        for region in others:
             self.model.trimmed[region] = [
                 [e for step in loop for e in self._steps(lines.line_part(step))] for loop in lines.net.loops[region]
             ]
@@ -196,22 +189,15 @@ class _ModelAssembly:
         return result
 
     def _add(self, P: Floats, grid: SideGrid) -> None:
-        bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
-        along, up = self._inner(P, bottom_side, right_side, top_side, left_side)
+        along, up = self._inner(P, grid)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
                 loop = [*along[i][j], *up[i + 1][j], *backwards(along[i][j + 1]), *backwards(up[i][j])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
-    def _inner(
-        self,
-        P: Floats,
-        bottom_side: list[ChainLoop],
-        right_side: list[ChainLoop],
-        top_side: list[ChainLoop],
-        left_side: list[ChainLoop],
-    ) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
+    def _inner(self, P: Floats, grid: SideGrid) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
         """Return the edges of all cells: along[i][j] is below cell (i, j), and up[i][j] is on its left."""
+        bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
         for j, side in ((0, bottom_side), (kv, top_side)):
@@ -245,13 +231,6 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
 
 
-SMOOTH_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the largest turn between two walls that needs no fillet."""
-
-STRAIGHT_COSINE = np.cos(0.01)
-"""Cosine of the largest angle at which OCCT (8.0) treats a seam as the continuation of a wall's edge."""
-
-
 @dataclass(frozen=True)
 class FilledCorner:
     """Corner with less than half a turn of void, where one seam ends.
@@ -275,6 +254,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 def filled_corners(model: NetModel) -> list[FilledCorner]:
     """Return the corners that a fillet fills and where exactly one seam ends; empty for a model on a one-sided
     surface."""
+    straight_cosine = np.cos(0.01)  # within 0.01 radians OCCT (8.0) treats a seam as the continuation of a wall's edge
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -290,9 +270,8 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
         across = model.vertices[v][:3] - model.vertices[v][3:]
         if not further and np.cross(way_a, way_b) @ across < 0:
             seam = _end_direction(model, (e, not end), True)
-            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > STRAIGHT_COSINE]
-            wall_edges = before[0], after[0]
-            result.append(FilledCorner(v, e, end, half, wall_edges, straight[0] if straight else None))
+            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > straight_cosine]
+            result.append(FilledCorner(v, e, end, half, (before[0], after[0]), next(iter(straight), None)))
     return result
 
 
@@ -310,7 +289,8 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 def half_turn(cosine: float) -> float:
     """Return the tangent of half the turn at a corner, which is a fillet's length over its radius; 0 for a smooth
     corner."""
-    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH_COSINE else 0.0
+    smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
+    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -41,14 +42,8 @@ class Quad:
 def quads_of(net: ChainNet, chains: Mapping[int, SampledChain], reach: float) -> tuple[list[Quad], list[int]]:
     """Separate regions with four sides from the other regions. reach : distance (mm) within which directions are
     measured."""
-    quads, other_regions = list[Quad](), list[int]()
-    for region, loops in net.loops.items():
-        quad = _quad(region, loops, chains, reach)
-        if quad:
-            quads.append(quad)
-        else:
-            other_regions.append(region)
-    return quads, other_regions
+    quads = {region: _quad(region, loops, chains, reach) for region, loops in net.loops.items()}
+    return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 
 
 def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
@@ -74,11 +69,8 @@ def _corners(angle: Floats) -> Ints | None:
         if (np.abs(deviation[rest]) > blunt_limit).any():
             return None
     if len(corners) < 4:
-        candidates = [
-            i
-            for i in np.argsort(-deviation, kind="stable").tolist()
-            if i not in corners and deviation[i] > straight_limit / 3
-        ]
+        ranked = np.argsort(-deviation, kind="stable").tolist()
+        candidates = [i for i in ranked if i not in corners and deviation[i] > straight_limit / 3]
         corners = np.sort(np.concatenate([corners, candidates[: 4 - len(corners)]]).astype(np.int64))
     return corners if len(corners) == 4 and (deviation[corners] > 0).all() else None
 
@@ -156,16 +148,12 @@ class SideStations:
     def _divide_sides(self, first_side: QuadSide, second_side: QuadSide) -> tuple[list[LinePart], list[LinePart]]:
         first_breaks, second_breaks = self._breaks(first_side), self._breaks(second_side)
         pairs = paired_shares(np.array(list(first_breaks)), np.array(list(second_breaks)))
-        return self._parts_between(first_side, first_breaks, pairs[0]), self._parts_between(
-            second_side, second_breaks, pairs[1]
-        )
+        first_parts = self._parts_between(first_side, first_breaks, pairs[0])
+        return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
-    def _parts_between(
-        self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], shares: Floats
-    ) -> list[LinePart]:
-        """Return the parts of a side between stations. A station without a break is new, or moves to an existing
-        division."""
-        ends, parts = np.concatenate([[0.0], shares, [1.0]]), list[LinePart]()
+    def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], at: Floats) -> list[LinePart]:
+        """Divide a side at shares (k,) of its length; a share that is no break becomes a station of a line."""
+        ends, parts = np.concatenate([[0.0], at, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
             q, y = breaks.get(share) or self._add_station(side, share, float(before), float(after))
@@ -216,10 +204,6 @@ CHORD_SHARE = 1 / 8
 """Share of the mesh's chord error in the tolerance, a quarter of the share for walls of smooth solids. Skins of a
 coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
 
-TEST_PLACES = np.linspace(0, 1, 9)[1:-1]
-"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
-divided."""
-
 
 class LineFits:
     """Fits of lines, with a cache for chains with unchanged points.
@@ -239,7 +223,7 @@ class LineFits:
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """Fit the lines of a net. A line has at most as many spans as the separate fits of its chains."""
-        turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
+        turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
         todo, accepted = _rows(net.chains, _links(net, quads, turns, rounded)), list[ChainLine]()
@@ -299,15 +283,13 @@ class LineFits:
         if not curves:
             return lines
         poles = np.concatenate([curve.spans for curve in curves])
-        vectors = self.away((bernstein(TEST_PLACES) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
-        long = np.linalg.norm(poles[:, 3, :3] - poles[:, 0, :3], axis=1) > np.linalg.norm(
-            poles[:, 0, :3] - poles[:, 0, 3:], axis=1
-        )
-        is_far = long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
+        samples = bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles
+        vectors = self.away(samples.reshape(-1, 6)).reshape(len(poles), -1, 3)
+        chord, thick = (poles[:, 0, :3] - end for end in (poles[:, 3, :3], poles[:, 0, 3:]))
+        is_long = np.linalg.norm(chord, axis=1) > np.linalg.norm(thick, axis=1)
+        is_far = is_long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
         marks = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
-        return [
-            line.with_halved_spans(flags) if flags.any() else line for line, flags in zip(lines, marks, strict=True)
-        ]
+        return [x.with_halved_spans(flags) if flags.any() else x for x, flags in zip(lines, marks, strict=True)]
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
@@ -338,17 +320,17 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
     return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]), ends / ends[-1]
 
 
-class _Turns:
-    def __init__(self, chains: Mapping[int, SampledChain], reach: float) -> None:
-        self.chains, self.reach = chains, reach
-
-    def __call__(self, first_end: ChainEnd, second_end: ChainEnd) -> float:
-        directions = [self.chains[k].direction(end == 0, self.reach)[0] for k, end in (first_end, second_end)]
-        a, b = (direction / np.linalg.norm(direction) for direction in directions)
-        return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
+Turn = Callable[[ChainEnd, ChainEnd], float]
+"""Function that returns the angle (degrees) by which a line turns from one end of a chain to the end of the next."""
 
 
-def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
+def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
+    directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
+    a, b = (direction / np.linalg.norm(direction) for direction in directions)
+    return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
+
+
+def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
     """Pair the ends of chains that form one line: inside a side of a region, and along outlines that only continue.
     An arc may continue an outline, but not a border between members."""
     smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
@@ -390,7 +372,7 @@ def _rows(chains: Iterable[int], links: Mapping[ChainEnd, ChainEnd]) -> list[Cha
     return rows
 
 
-def _halves(row: ChainLoop, turn: _Turns) -> list[ChainLoop]:
+def _halves(row: ChainLoop, turn: Turn) -> list[ChainLoop]:
     turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
     i = int(np.argmax(turns)) + 1
     return [row[:i], row[i:]]

@@ -8,7 +8,7 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import comb
 
-from dsfab.core.arrays import Bools, Floats, cross
+from dsfab.core.arrays import Bools, Floats, Ints, cross
 from dsfab.export.cad.step.by_members.curves import InnerSpline, patches_as_parabolas
 from dsfab.export.splines import bernstein
 
@@ -116,10 +116,6 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
     return is_inside
 
 
-FOLD_PLACES = np.linspace(0, 1, 5)
-"""Parameters in both directions at which a patch is tested for folds."""
-
-
 def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
     """Return the poles (ku, kv, 4, 4, d) of Coons patches inside a region with four sides.
     bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards."""
@@ -139,13 +135,8 @@ def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats
     """Move the inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and neighbours still join
     smoothly.
     vectors_to_skins : returns the vectors from points (k, d) to the skins."""
-    splines = [
-        (
-            InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
-            InnerSpline.from_breaks(_break_shares(P[0, :, 0], P[-1, :, -1])),
-        )
-        for P in grids
-    ]
+    sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
+    splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
     place_points = list[Floats]()
     for P, (u, v) in zip(grids, splines, strict=True):
         along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
@@ -175,19 +166,13 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 def least_jacobian(P: Floats) -> float:
     """Return for patches (..., 4, 4, 3) the least ratio of normal components along the mean normal to the largest
     one."""
-    P = P.reshape(-1, 4, 4, 3)
-    y = 1 - FOLD_PLACES
-    B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)
-    C = np.stack([y**2, 2 * FOLD_PLACES * y, FOLD_PLACES**2], axis=1)
+    P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
+    B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
     N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
     along = np.einsum("kxyi,ki->kxy", N, N.mean(axis=(1, 2)))
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
-
-
-TEST_PLACES = np.linspace(0, 1, 7)
-"""Parameters in both directions where the distance of a patch from the mesh is measured."""
 
 
 class PatchBuilder:
@@ -203,9 +188,7 @@ class PatchBuilder:
         """Return the poles (ku, kv, 4, 4, 6) of each region, or None if its patches are folded or too far off.
         sides : bottom, right, top and left side of each region, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
-        changed = [
-            i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
-        ]
+        changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]
         for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
             self.known[regions[i]] = poles[i], P
         return [self.known[region][1] for region in regions]
@@ -213,10 +196,8 @@ class PatchBuilder:
     def _build(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         if not sides:
             return []
-        patches = [
-            patches_as_parabolas(P, self.limits.off)
-            for P in patches_on_skins([coons(*four) for four in sides], self.away)
-        ]
+        cubic = patches_on_skins([coons(*four) for four in sides], self.away)
+        patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
         too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
         return [None if is_far or _is_folded(P) else P for P, is_far in zip(patches, too_far, strict=True)]
 
@@ -228,19 +209,15 @@ def _is_folded(P: Floats) -> bool:
 
 def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
     """Return the (k,) largest distance of the middles of patches from the skins; skins of coarse meshes wave."""
-    if not patches:
-        return np.zeros(0)
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.array(
-        [
-            region_distances.max()
-            for region_distances in np.split(
-                distances, np.cumsum([len(region_distances) for region_distances in middles])[:-1]
-            )
-        ]
-    )
+    return np.maximum.reduceat(distances, _starts(middles))
+
+
+def _starts(parts: Sequence[Floats]) -> Ints:
+    """Return the index (k,) of the first row of each part in their concatenation."""
+    return np.cumsum([0, *map(len, parts)])[:-1]
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
@@ -248,7 +225,7 @@ def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
     A patch beside a crease met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
-    poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
-    points = np.einsum("xa,yb,kabi->kxyi", bernstein(TEST_PLACES), bernstein(TEST_PLACES), np.concatenate(poles))
+    poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))
+    points = np.einsum("xa,yb,kabi->kxyi", B, B, np.concatenate(poles))
     beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.array([region_excess.max() for region_excess in np.split(beyond, ends[:-1])])
+    return np.maximum.reduceat(beyond, _starts(poles))

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, vstack
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.core.arrays import Bools, Floats, Ints, cross, unit_vectors
 from dsfab.export.cad.step.by_members.curves import sampled_chains
 from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quads_of
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, mean_width, vector_area
@@ -133,16 +133,14 @@ class _BendSeams:
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
         N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's normal is inexact
-        long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
-        self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
+        self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
         cells = np.flatnonzero(self.net.cell == region)
         if not len(cells):
             return 1.0
         outline = np.concatenate([self.net.chains[k].points for loop in self.net.loops[region] for k, _ in loop])
-        N = np.concatenate([self.N[cells], self.net.weights[outline] @ self.skins.normals])
-        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        N = unit_vectors(np.concatenate([self.N[cells], self.net.weights[outline] @ self.skins.normals]))
         mean = N.sum(axis=0)
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
@@ -186,20 +184,15 @@ class _BendSeams:
         for k in longest:
             chain, added_chain = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
-            first_half, second_half = (
-                replace(chain, points=points) for points in (chain.points[: half + 1], chain.points[half:])
-            )
+            first_half, second_half = replace(chain, points=chain.points[: half + 1]), chain.points[half:]
             two = {(k, True): [(k, True), (added_chain, True)], (k, False): [(added_chain, False), (k, False)]}
             neighbours = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
             loops = {
                 r: [[part for step in loop for part in two.get(step, [step])] for loop in loops]
                 for r, loops in neighbours.items()
             }
-            self.net = replace(
-                self.net,
-                chains={**self.net.chains, k: first_half, added_chain: second_half},
-                loops={**self.net.loops, **loops},
-            )
+            chains = self.net.chains | {k: first_half, added_chain: replace(chain, points=second_half)}
+            self.net = replace(self.net, chains=chains, loops=self.net.loops | loops)
         return len(longest) > 0
 
     def _length(self, points: Ints) -> float:
@@ -234,15 +227,10 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    wall_factor = 1 + wall_distance / np.maximum(
-        away[ends].mean(axis=1), wall_distance / 4
-    )  # paths keep away from walls; straightening would cross them
-    long = wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
-    start, end, long = (
-        np.concatenate([ends[:, 0], ends[:, 1]]),
-        np.concatenate([ends[:, 1], ends[:, 0]]),
-        np.tile(long, 2),
-    )
+    # paths keep away from walls, because straightening would cross the walls
+    wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
+    long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
+    start, end = np.concatenate([ends, ends[:, ::-1]]).T
     for i, node in enumerate(nodes):
         if node not in place:
             continue
@@ -268,9 +256,6 @@ def _on_the_right(F: Ints, path: Ints) -> Bools:
     _, part = link_components(len(F), half_edges_a[~across] // 3, half_edges_b[~across] // 3)
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
-    right_cells = [
-        h // 3
-        for h in np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
-        if (int(start[h]), int(end[h])) in backwards
-    ]
+    beside = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
+    right_cells = [h // 3 for h in beside if (int(start[h]), int(end[h])) in backwards]
     return np.isin(part, part[right_cells])

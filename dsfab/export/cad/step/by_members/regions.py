@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
@@ -18,10 +18,6 @@ CORNER_COSINE = np.cos(np.deg2rad(40.0))
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
 round corners. Where a coarse mesh bends, the outline turns in space with the mesh but is straight in this view."""
-
-SLIVER_SHARE = 1 / 4
-"""A region joins a neighbour if the root of its area is below this share of the thickness. The neighbour is the region
-with the longest shared border."""
 
 VOID = -1
 """Number of the space beyond an outline, in place of a region."""
@@ -121,6 +117,7 @@ def _regions(
 ) -> tuple[Ints, frozenset[int]]:
     """Return the connected region (m,) of each cell, with one label for each region, and the loose regions.
     apart : (i,) True for pairs of neighbours with a crease between them."""
+    sliver = 1 / 4  # a region joins the neighbour with the longest border if its root area is below thickness / 4
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -128,7 +125,7 @@ def _regions(
     area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
     loose = np.zeros(count, dtype=bool)
     loose[region[sheet.loose]] = True
-    small = np.flatnonzero((area < (SLIVER_SHARE * thickness) ** 2) & ~loose)
+    small = np.flatnonzero((area < (sliver * thickness) ** 2) & ~loose)
     ends = edges.ends[edges.of.ravel()[edges.pairs[:, 0]]]
     long = np.linalg.norm(P[ends[:, 0]] - P[ends[:, 1]], axis=1)
     for r in small[np.argsort(area[small], kind="stable")]:
@@ -169,9 +166,9 @@ class _BorderWalk:
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
-        node = (np.bincount(ends, minlength=n) > 2) | (high > low) | self._seam_ends(n)
-        direction = self.P[self.end] - self.P[self.start]
-        direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
+        is_seam_end = np.bincount(self._seam_points.ravel(), minlength=n) == 1
+        node = (np.bincount(ends, minlength=n) > 2) | (high > low) | is_seam_end
+        direction = unit_vectors(self.P[self.end] - self.P[self.start])
         turn = np.einsum("ki,ki->k", direction[h], direction[self.after[h]])
         void = self.right[h] == VOID
         sharp = (turn < CORNER_COSINE) & void & ~loose[h // 3]
@@ -187,9 +184,6 @@ class _BorderWalk:
         """Return (2, k) vertices at one place, on both sides of a seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
-
-    def _seam_ends(self, n: int) -> Bools:
-        return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """Return the (k,) border half-edges where a round corner of the outline begins or ends.
@@ -224,14 +218,8 @@ class _BorderWalk:
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
         seam_a, seam_b = self._seam_points.tolist()
-        return ChainNet(
-            self.weights,
-            chains,
-            loops,
-            loose,
-            self.region,
-            twins=dict(zip(seam_a + seam_b, seam_b + seam_a, strict=True)),
-        )
+        twins = dict(zip(seam_a + seam_b, seam_b + seam_a, strict=True))
+        return ChainNet(self.weights, chains, loops, loose, self.region, twins=twins)
 
     def _cycles(self) -> Iterator[Ints]:
         seen = np.zeros(len(self.border), dtype=bool)
@@ -350,10 +338,6 @@ MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range
 """Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
 waved by 6 mm between four points."""
 
-REGION_SHARE = 1 / 6
-"""A cell is also long if its length exceeds this share of its region's size. In a notched region of 200 mm, a surface
-of degree 9 waved by 4 mm between points of cells of 50 mm."""
-
 
 @dataclass(frozen=True, eq=False)
 class RegionInterior:
@@ -385,9 +369,11 @@ class RegionInterior:
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
         """Return (m,) True for cells with a side longer than the thickness, or long for a region of size (m,)."""
+        # In a notched region of 200 mm, a surface of degree 9 waved by 4 mm between points of cells of 50 mm.
+        region_share = 1 / 6
         P = self._on_mesh(self.sheet.weights)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
-        return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))
+        return np.asarray(long > np.minimum(self.thickness, region_share * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
         P = self._on_mesh(net.weights)

@@ -22,9 +22,6 @@ from dsfab.export.cad.step.by_members.patches import (
 from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.splines import bernstein
 
-LEAST_SINE = 1 / 4
-"""Smallest sine of a parallelogram's angle; surfaces over flatter parallelograms are folded where they bend."""
-
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
@@ -62,18 +59,18 @@ class FaceDomain:
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least; return
         them (2, 2). Its corners count, at the heights of a quadratic surface through all points."""
+        least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
-        ends = np.stack(
-            [(places_in_plane @ turned).min(axis=0), (places_in_plane @ turned).max(axis=0)]
-        )  # (2, k) distances to the left of each way
+        leftwards = places_in_plane @ turned
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) distances to the left of each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
-        i, j, sine = (x[np.abs(sine) >= LEAST_SINE] for x in (i, j, np.abs(sine)))
+        i, j, sine = (x[np.abs(sine) >= least_sine] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
         along = ways[i] * (-ends[::-1, j] / sine)[..., None]  # (2, pairs, 2)
@@ -116,9 +113,6 @@ points. With the second weight, poles beside faces of a torus of 2.5 m were up t
 BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
-INWARDS = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
-"""Positions of inner points, as shares of the way from the middle of an outline to the outline."""
-
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
 """Weights of edges, weights of second differences, and degrees; trials follow this order until the gap is narrow
 enough."""
@@ -132,13 +126,8 @@ FURTHER_TRIALS = (
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles around a region that are tried."""
 
-TURNED_AREA_SHARE = 3 / 4
-"""A turned rectangle is used if its area is below this share of the usual one; its corners leave the box of the
-region."""
-
-FEWEST_STEPS, STEP_SHARE = 12, 1 / 160
-"""Smallest number of steps along an edge, and average step as a share of the outline's length. With 8 steps along an
-edge of 2.8 m the gap seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two steps."""
+HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
+"""Parameters where a surface must meet an edge; between these places the surface is off by less than 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35
 """Smallest cosine between the normal of the mean plane and the normals of a region."""
@@ -164,10 +153,14 @@ class TrimmedFace:
     exact: bool = False
     astray: float = -np.inf
 
+    @property
+    def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
+        """Poles and axes of each surface, and the coordinates of its skin in points (k, 6)."""
+        return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
+
     def gaps(self, points: Floats) -> Floats:
         """(k, 2) heights of edge points (k, 6) above both surfaces, millimetres."""
-        skins = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
-        return np.stack([_heights_over(*skin) for skin in skins], axis=1)
+        return np.stack([_heights_over(poles, axes, points[:, s]) for poles, axes, s in self.skins], axis=1)
 
 
 def trimmed_face(
@@ -208,15 +201,17 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    middle = line.mean(axis=0)
-    return np.asarray((middle + INWARDS[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # of the way from the middle outwards
+    return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """Return (k, 6) points along a loop, denser at the ends of edges because a surface leaves the edges there first."""
+    # With 8 steps along an edge of 2.8 m the gap seemed to be 0.01 mm, but between two steps it was 0.12 mm.
+    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step over the loop's length
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
-    steps = np.maximum(FEWEST_STEPS, np.ceil(long / (STEP_SHARE * max(long.sum(), 1e-300)))).astype(int)
+    steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
     return np.concatenate([_sample_matrix(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
 
 
@@ -274,7 +269,7 @@ def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, fl
     # Poles of degree `BASE_DEGREE` may lie this multiple of `limits.off` above or below all points. Poles of a higher
     # degree are nearer: they made OCCT's box of a dome 13 mm too high instead of 38 mm.
     high = 2.0
-    z, gap, inner_distance = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
+    z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
     return over.poles_at(z), gap, inner_distance
@@ -310,48 +305,44 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
     over = FaceDomain.around(points, line, axes, np.eye(2))
-    uv, z, inside = over.uv, over.z, over.inside
-    A, weight = height_rows(uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [inside, len(line)])
-    base = _heights(
-        height_rows(uv, BASE_DEGREE),
-        z,
-        np.ones(len(z)),
-        SMOOTH_WEIGHTS[1],
-        np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)),
-    )
-    poles = _heights(A, z, weight, SMOOTH_WEIGHTS[0], raised_poles(base, degree))
-    return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
+    A, weight = height_rows(over.uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [over.inside, len(line)])
+    poles = _heights(A, over.z, weight, SMOOTH_WEIGHTS[0], raised_poles(_base_poles(over), degree))
+    return np.asarray(np.abs(A @ poles.ravel() - over.z)[over.inside :])
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Turn axes (3, 3) about the last one if the rectangle around a line (k, 3) becomes far smaller.
     A smaller rectangle has fewer poles without points."""
+    least_gain = 3 / 4  # corners of a turned rectangle leave the region's box, so its area must be this share or less
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
-    return np.concatenate([turned[smallest], axes[2:]]) if area[smallest] < TURNED_AREA_SHARE * area[0] else axes
+    return np.concatenate([turned[smallest], axes[2:]]) if area[smallest] < least_gain * area[0] else axes
 
 
-def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: float) -> tuple[Floats, float, float]:
-    """Return poles over a square near heights z (k,), and the distances from edges and inner points (the first
-    `inside`).
+def _base_poles(over: FaceDomain) -> Floats:
+    rows, none = height_rows(over.uv, BASE_DEGREE), np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1))
+    return _heights(rows, over.z, np.ones(len(over.z)), SMOOTH_WEIGHTS[1], none)
+
+
+def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
+    """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
 
     High degrees wave between the points and gain little. If no trial closes the gap as wanted, the result is the trial
     with the least inner distance among those whose edges can be split, or otherwise with the least sum.
     """
-    base_rows = height_rows(uv, BASE_DEGREE)
-    base = _heights(base_rows, z, np.ones(len(z)), SMOOTH_WEIGHTS[1], np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)))
+    z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
         if splittable and i >= len(USUAL_TRIALS):
             break
-        A = base_rows if degree == BASE_DEGREE else height_rows(uv, degree)
+        A = height_rows(over.uv, degree)
         poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised_poles(base, degree))
         residuals = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(residuals[inside:].max()), float(residuals[:inside].max(initial=0.0))))
-        if fits[-1][2] <= inner_limit and fits[-1][1] <= SPLIT:
+        if fits[-1][2] <= limits.off and fits[-1][1] <= SPLIT:
             splittable.append(fits[-1])
-            if fits[-1][1] <= gap_limit:
+            if fits[-1][1] <= limits.gap:
                 return fits[-1]
     return min(splittable, key=lambda fit: fit[2]) if splittable else min(fits, key=lambda fit: fit[1] + fit[2])
 

@@ -12,6 +12,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import curves_beyond
 from dsfab.export.cad.step.by_members.model import NetModel
 from dsfab.export.cad.step.by_members.patches import FaceLimits, differences, height_rows, places, raised_poles, rows_at
 from dsfab.export.cad.step.by_members.trimmed import (
+    HELD_PLACES,
     SPLIT,
     TrimmedFace,
     inside_of,
@@ -21,10 +22,8 @@ from dsfab.export.cad.step.by_members.trimmed import (
 )
 from dsfab.export.splines import bernstein
 
-PLACES = np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2)
-"""(k, 2) sample parameters of a surface."""
-
-ROWS = rows_at(PLACES)
+ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
+"""Basis at sample places of a surface, by degree."""
 
 
 def without_strays(
@@ -70,7 +69,7 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
+    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles, _, _ in face.skins]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
@@ -81,24 +80,8 @@ SAMPLES = 23
 BETWEEN = 8
 """Number of steps between two of OCCT's points; this module measures the gap at each step."""
 
-PEAK_WEIGHT, SMOOTH_WEIGHT, MOVE_WEIGHT = 1e4, 1e-2, 1e-4
-"""Weights of peaks and exact edges, of second differences of the movement of poles, and of the movement. Points along
-edges have the weight 1."""
-
-SAMPLING_ROUNDS, MORE_DEGREES = 6, 2
-"""Number of rounds in which peaks move, and number of degrees that a surface may gain."""
-
 SLOPE_STEP = 1e-3
 """Distance (mm) of two points that determine the slope of a surface."""
-
-DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
-"""Parameters where gaps are measured; OCCT measures at every `BETWEEN`th of them."""
-
-SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
-"""Coefficients of five consecutive gaps that give the slope in the middle."""
-
-HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface must meet exact edges."""
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
@@ -120,11 +103,11 @@ def _with_peaks(
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
-    dense = np.stack([bernstein(DENSE) @ model.edges[e].poles for e in seams])
+    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))  # OCCT measures gaps at every `BETWEEN`th place
+    dense = np.stack([B @ model.edges[e].poles for e in seams])
     firm = np.stack([bernstein(HELD_PLACES) @ exact_poles[e] for e in face_edges])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
-    skins = (face.outer, face.axes[0], np.s_[..., :3]), (face.inner, face.axes[1], np.s_[..., 3:])
-    surfaces = [_PeakSurface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
+    surfaces = [_PeakSurface(P, axes, dense[..., s], firm[..., s], edges[:, s]) for P, axes, s in face.skins]
     outer, inner = (surface.with_peaks_at_samples(face.exact) for surface in surfaces)
     exact = face.exact or any(x.closest(P) < fine for x, P in zip(surfaces, (outer, inner), strict=True))
     if outer is face.outer and inner is face.inner:
@@ -150,27 +133,27 @@ class _PeakSurface:
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
         """Return the poles of lowest degree with the fewest peaks off the samples. exact : keep exact edges exact."""
+        more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
-        result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
-        for degree in range(count - 1, count + MORE_DEGREES):
+        result, least = self.poles, int(self._misplaced(self._gaps_and_cosines(local)[0]).sum())
+        for degree in range(count - 1, count + more_degrees):
             if not least:
                 break
-            raised_poles_local = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
-            for z, wrong in self._rounds(raised_poles_local, exact_gap if exact else 0.0):
-                if wrong < least and self._is_allowed(raised_poles_local, z):
-                    result, least = (
-                        np.concatenate([raised_poles_local[..., :2], z[..., None]], axis=2) @ self.axes,
-                        wrong,
-                    )
+            raised = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
+            for z, wrong in self._rounds(raised, exact_gap if exact else 0.0):
+                if wrong < least and self._is_allowed(raised, z):
+                    result, least = np.concatenate([raised[..., :2], z[..., None]], axis=2) @ self.axes, wrong
         return result
 
     def closest(self, poles: Floats) -> float:
-        return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
+        return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
         """Yield heights of poles after each round, with the number of misplaced peaks; gaps below `exact_gap` do not
         move."""
+        rounds = 6  # peaks move in at most 6 rounds
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; of edge points it is 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -178,12 +161,12 @@ class _PeakSurface:
         distances = np.abs(self.held @ self.axes[2] - exact @ z)
         firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
         around = self._edge_rows(degree)
-        calm = np.concatenate([around, SMOOTH_WEIGHT * differences(degree + 1), MOVE_WEIGHT * np.eye(len(z))])
-        for _ in range(SAMPLING_ROUNDS):
+        calm = np.concatenate([around, smooth * differences(degree + 1), still * np.eye(len(z))])
+        for _ in range(rounds):
             pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._misplaced(gaps))}
             pins, right = _pins(rows, gaps, pinned)
-            A = np.concatenate([PEAK_WEIGHT * pins, PEAK_WEIGHT * firm, calm])
-            b = np.concatenate([PEAK_WEIGHT * right, np.zeros(len(firm) + len(calm))])
+            A = np.concatenate([peak * pins, peak * firm, calm])
+            b = np.concatenate([peak * right, np.zeros(len(firm) + len(calm))])
             moves = lstsq(A, b, check_finite=False)[0]
             z, gaps = z + moves, gaps - rows @ moves
             result.append((z.reshape(degree + 1, -1), int(self._misplaced(gaps).sum())))
@@ -213,9 +196,6 @@ class _PeakSurface:
             points = self.seams + ways[:, None, None]
             self.over[degree] = self._rows(points.reshape(-1, *points.shape[2:]), degree).reshape(*points.shape[:3], -1)
         return self.over[degree]
-
-    def _gaps(self, local: Floats) -> Floats:
-        return self._gaps_and_cosines(local)[0]
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
         heights, heights_u, heights_v = self._seam_rows(len(local) - 1) @ local[..., 2].ravel()
@@ -251,11 +231,12 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
     """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat
     there."""
+    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:
-            pin_rows.append(SLOPE @ rows[e, k - 2 : k + 3])
-            pin_values.append(SLOPE @ gaps[e, k - 2 : k + 3])
+            pin_rows.append(slope @ rows[e, k - 2 : k + 3])
+            pin_values.append(slope @ gaps[e, k - 2 : k + 3])
         if value:
             pin_rows.append(rows[e, k : k + 1])
             pin_values.append(gaps[e, k : k + 1] - value)

@@ -27,13 +27,6 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-LEAST_WIDTH_SHARE = 1 / 20
-"""A chord must cut off a mean width above this share of the thickness; OCCT draws no triangles of a lens of 1.6 x
-0.2 mm."""
-
-CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
-"""Shares of a chord where its distance from the outline is measured."""
-
 TRIED = 24
 """Number of chords to try; half of them begin where the gap is widest."""
 
@@ -73,6 +66,7 @@ class HalvedOutline:
         """Yield pairs of places, ascending, whose chord is clear inside the outline.
         Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
         area cut off. Each group has at most `times * TRIED / 2` pairs."""
+        least_width = 1 / 20  # mean width over the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -81,7 +75,7 @@ class HalvedOutline:
         least = np.minimum(cut_area, area[-1] - cut_area)
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
-        narrow = LEAST_WIDTH_SHARE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
+        narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
         order = order[least[order] > narrow * long[order]]  # outer chords have a negative area
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
@@ -96,11 +90,12 @@ def _cross(a: Floats, b: Floats) -> Floats:
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
     clear = 0.3  # distance from the outline over distance from the nearer end: the sine of the angle there
-    P, directions = a + CHORD_SHARES[:, None] * (b - a), np.roll(line, -1, axis=0) - line
+    shares = np.linspace(0, 1, 17)[1:-1]
+    P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
     x = np.clip((from_start * directions).sum(axis=2) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1)
     apart = np.linalg.norm(from_start - x[..., None] * directions, axis=2).min(axis=1)
-    return bool((apart >= clear * np.minimum(CHORD_SHARES, 1 - CHORD_SHARES) * np.linalg.norm(b - a)).all())
+    return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
 TRIAL_DEGREE = 6
@@ -119,9 +114,6 @@ CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.
 One cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited,
 only one cubic is tried, because OCCT drew no triangles of a face beside a longer seam."""
-
-SEAM_SHARES = np.linspace(0, 1, 17)
-"""Shares of a seam where its distance from the mesh is measured."""
 
 
 def divided_faces(
@@ -255,8 +247,8 @@ class _FaceDivision:
         return result
 
     def _is_near(self, cubics: Floats) -> bool:
-        beyond = self.limits.beyond_mesh
-        return beyond is None or float(beyond((bernstein(SEAM_SHARES) @ cubics).reshape(-1, 3)).max()) <= 0
+        beyond, samples = self.limits.beyond_mesh, bernstein(np.linspace(0, 1, 17)) @ cubics
+        return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
     def _with_seam(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model
