@@ -46,7 +46,6 @@ def test_patches_beside_the_skins_are_told_by_their_middles():
         return way
 
     assert _stray_distances([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
-    assert _stray_distances([], away).shape == (0,)
 
 
 def test_patches_are_made_anew_only_where_a_curve_around_is_another():

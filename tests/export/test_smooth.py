@@ -10,11 +10,11 @@ from dsfab.core.errors import ExportError
 from dsfab.design.output.files import curved_sheet
 from dsfab.export import write
 from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.shared import sheet_outline
 from dsfab.export.cad.step.shared.sheet_outline import WALL, OutlineRun
 from dsfab.export.cad.step.shared.skins import dense_surface, excess_volumes, prisms
 from dsfab.export.cad.step.smooth import acceptance, build, edges
 from dsfab.export.cad.step.smooth import acceptance as plan
-from dsfab.export.cad.step.smooth import layout as outline
 from dsfab.export.cad.step.smooth.chart_fields import chart_fields
 from dsfab.export.cad.step.smooth.charts import SplinePatch, patch_through
 from dsfab.export.cad.step.smooth.edges import OutlineNodes
@@ -67,13 +67,13 @@ def test_the_width_of_a_loop_is_a_circles_radius_and_a_slits_width():
     slit = np.array([[0, 0, 0], [100, 0, 0], [100, 0.5, 0], [0, 0.5, 0]]) @ turn
     for line, width in ((circle, 3.0), (slit, 0.5)):
         length = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum()
-        assert outline._width(line, length) == pytest.approx(width, rel=0.01)
+        assert sheet_outline._width(line, length) == pytest.approx(width, rel=0.01)
 
 
 def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
     uv = np.random.default_rng(0).uniform(-1, 1, (600, 2))
     height = lambda p: 0.3 * p[:, 0] ** 3 - 0.2 * p[:, 0] * p[:, 1] ** 2 + 0.1 * p[:, 1]  # noqa: E731
-    patch = patch_through(uv, np.c_[uv, height(uv)], np.ones(600), (7, 9), 1e-12)
+    patch, _ = patch_through(uv, np.c_[uv, height(uv)], np.ones(600), (7, 9), 1e-12)
     at = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
     assert patch(at) == pytest.approx(np.c_[at, height(at)], abs=1e-6)
     point, a, b = patch.slopes(at)

@@ -105,7 +105,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
 def test_nearest_points_of_many_are_those_of_each():
     rng = np.random.default_rng(0)
     uv = rng.uniform(-1, 1, (500, 2))
-    patch = charts.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
+    patch, _ = charts.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
     at = rng.uniform(-0.9, 0.9, (40, 2))
     P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
     found = patch.nearest(P, at)
@@ -238,7 +238,7 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
         found[0] += 100.0
         return None, found
 
-    monkeypatch.setattr(charts, "_through", through)
+    monkeypatch.setattr(charts, "patch_through", through)
     fit = charts.fitted_surface(uv, Q, inside, weight, 0.5, **how)
     assert left == []
     assert fit.off == offs[-1] / 2

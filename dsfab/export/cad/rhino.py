@@ -32,7 +32,6 @@ from dsfab.export.members import facts_of_members, graph_of, rounded_lists
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
 from dsfab.export.writing import one_line
-from dsfab.surface import StructureLine
 
 COLOURS = {
     "major": (31, 78, 156, 255),
@@ -59,19 +58,18 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the archive without times, from memory because a direct write would store the name of the file too."""
-    import rhino3dm
-
-    model, ids = empty_model(), _ids(part)
+    model = empty_model()
+    ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
     for line in part.details.lines:
         if line.layer not in layers:
             layers[line.layer] = new_layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
-    about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
-    model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
+    model.Objects.AddMesh(rhino_mesh(part.V, part.F), _attributes(one_line(part.name), layers[MESH], ids("mesh")))
     for number, (line, chain) in enumerate(zip(part.details.lines, chains(part), strict=True)):
-        about = _about(line, layers[line.layer], curve_tolerance(part))
-        about.Id = ids(f"line {number}")
+        about = _attributes(line.id, layers[line.layer], ids(f"line {number}"))
+        facts = {"family": line.family, "number": str(line.number), "length_mm": f"{line.length:.3f}"}
+        for key, value in (facts | {"tolerance_mm": f"{curve_tolerance(part):.2g}"}).items():
+            about.SetUserString(key, value)
         model.Objects.AddCurve(rhino_curve(chain), about)
     yield archive(model)
 
@@ -89,19 +87,14 @@ def empty_model() -> Any:
 
 def archive(model: Any) -> bytes:
     """Encode a model as a file without times."""
-    version = 7  # Rhino 7 is the oldest version in wide use; newer ones read its files
     import rhino3dm
 
     how = rhino3dm.File3dmWriteOptions()
-    how.Version = version
+    how.Version = 7  # Rhino 7 is the oldest version in wide use; newer ones read its files
     return without_times(base64.b64decode(model.Encode(how)))
 
 
 Ids = Callable[[str], uuid.UUID]
-
-
-def _ids(part: Part) -> Ids:
-    return ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
@@ -202,15 +195,11 @@ def rhino_curve(chain: list[Curve]) -> Any:
     return polycurve
 
 
-def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
+def _attributes(name: str, layer: int, identity: uuid.UUID) -> Any:
     import rhino3dm
 
     about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex = line.id, layer
-    facts = {"family": line.family, "number": str(line.number)}
-    facts |= {"length_mm": f"{line.length:.3f}", "tolerance_mm": f"{tolerance:.2g}"}
-    for key, value in facts.items():
-        about.SetUserString(key, value)
+    about.Name, about.LayerIndex, about.Id = name, layer, identity
     return about
 
 
@@ -219,20 +208,27 @@ def check(part: Part, path: Path) -> ReadBack:
     in mm."""
     import rhino3dm
 
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(
-            f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .dxf and .stl instead"
-        )
-    shapes = [item.Geometry for item in model.Objects]
-    meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
-    if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
+    kinds, items = rhino3dm.ObjectType, _objects(part, path, ".dxf and .stl instead")
+    meshes = [shape for _, shape in items if shape.ObjectType == kinds.Mesh]
+    if len(meshes) != 1:
+        raise ExportError(f"the .3dm file of {part.name!r} has {len(meshes)} meshes; write .dxf and .stl instead")
     V, F = rhino_arrays(meshes[0])
     result = check_mesh(part, V, F[:, :3])
-    curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
-    check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
+    check_curves(part, {name: _points(shape) for name, shape in items if shape.ObjectType == kinds.Curve})
     return result
+
+
+def _objects(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
+    """Read names and shapes of a file; raises ExportError unless all shapes are valid and in mm."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
+        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write {instead}")
+    items = [(item.Attributes.Name, item.Geometry) for item in model.Objects]
+    if not all(shape.IsValid for _, shape in items):
+        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write {instead}")
+    return items
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
@@ -268,26 +264,18 @@ def encode_members(part: Part) -> Iterator[bytes]:
     names = [(name, name) for name in bodies] + [(f"{name} axes", name) for name in with_axes] + [(NODES, "")]
     layers = {name: new_layer(model, ids, name, (*layer_colour(family), 255)) for name, family in names}
     for shape in shapes:
-        about = _members_about(shape.id, layers[shape.layer], ids(f"body {shape.id}"))
+        about = _attributes(shape.id, layers[shape.layer], ids(f"body {shape.id}"))
         for key, value in facts[shape.id].words.items():
             about.SetUserString(key, value)
         model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
         if len(shape.axis):
-            about = _members_about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
+            about = _attributes(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
             model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, curve_tolerance(part))), about)
     for node in graph_of(part).nodes:
-        about = _members_about(node.id, layers[NODES], ids(f"node {node.id}"))
+        about = _attributes(node.id, layers[NODES], ids(f"node {node.id}"))
         about.SetUserString("members", " ".join(node.members))
         model.Objects.AddPoint(rhino3dm.Point3d(*rounded_lists(MM_PER_M * node.point)), about)
     yield archive(model)
-
-
-def _members_about(name: str, layer: int, identity: Any) -> Any:
-    import rhino3dm
-
-    about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex, about.Id = name, layer, identity
-    return about
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
@@ -295,22 +283,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
     in mm."""
     import rhino3dm
 
-    model = rhino3dm.File3dm.Read(str(path))
-    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
-        raise ExportError(f"the .3dm file of {part.name!r} has lengths that are not in millimetres; write .members.dxf")
-    things = [(thing.Attributes.Name, thing.Geometry) for thing in model.Objects]
-    if not all(shape.IsValid for _, shape in things):
-        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .members.dxf instead")
-    kinds = rhino3dm.ObjectType
-    names = {kind: [name for name, x in things if x.ObjectType == kind] for kind in (kinds.Curve, kinds.Point)}
-    axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
-    for what, kind, expected in (
-        ("axes", kinds.Curve, axes),
-        ("nodes", kinds.Point, [node.id for node in graph_of(part).nodes]),
-    ):
-        if names[kind] != expected:
-            raise count_error(part, what, len(expected), len(names[kind]))
-    meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
+    kinds, items = rhino3dm.ObjectType, _objects(part, path, ".members.dxf instead")
+    axes, nodes = [shape.id for shape in part.details.shapes if len(shape.axis)], [x.id for x in graph_of(part).nodes]
+    for what, kind, expected in (("axes", kinds.Curve, axes), ("nodes", kinds.Point, nodes)):
+        names = [name for name, shape in items if shape.ObjectType == kind]
+        if names != expected:
+            raise count_error(part, what, len(expected), len(names))
+    meshes = {name: rhino_arrays(shape) for name, shape in items if shape.ObjectType == kinds.Mesh}
     return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in meshes.items()})
 
 

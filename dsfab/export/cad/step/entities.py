@@ -10,7 +10,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
-from dsfab.export.cad.step.planar import FLATNESS, Polyhedron
+from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, polyhedron
 from dsfab.export.curves import Curve
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
@@ -275,6 +275,13 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 #17=DIRECTION('',(1.,0.,0.));
 #18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
 """
+
+
+def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
+    """Return the planar faces of a part, and the shells of each solid. A void's shell faces outwards, as STEP wants."""
+    shell, solids = solids_of(part)
+    inward = np.isin(shell, [i for _, *inner in solids for i in inner])
+    return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:

@@ -8,18 +8,23 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION, READ_BACK
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step import entities as tessellated
 from dsfab.export.cad.step import strategies
 from dsfab.export.cad.step.by_members.build import member_file
-from dsfab.export.cad.step.entities import StepEntities, entities, faceted_bytes, header, references, step_string
+from dsfab.export.cad.step.entities import (
+    StepEntities,
+    entities,
+    faceted_bytes,
+    header,
+    outward_polyhedron,
+    references,
+    step_string,
+)
 from dsfab.export.cad.step.file_size import BudgetError
 from dsfab.export.cad.step.folded_sheets import planar_file
-from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.soundness import smooth_use, step_fault
 from dsfab.export.cad.step.worker.reports import occt_report
@@ -75,11 +80,7 @@ def _encode_tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _encode_faceted(part: Part) -> tuple[int, float, Iterable[str]]:
-    shell, solids = solids_of(part)
-    voids = [i for _, *inner in solids for i in inner]
-    inward = np.isin(shell, voids)
-    F = np.where(inward[:, None], part.F[:, ::-1], part.F)  # a STEP void is a shell that faces outwards, reversed
-    shape = polyhedron(part.V, F, shell)
+    shape, solids = outward_polyhedron(part)
     return len(shape.normals), faceted_bytes(shape), entities(shape, solids, part.name)
 
 
@@ -123,11 +124,9 @@ def check(part: Part, path: Path) -> ReadBack:
     report = inspection(part, path)
     if part.step == "tessellated":
         return tessellated.check(part, report)
-    solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
-    if report["solids"] != solids:
-        raise count_error(part, "solids", solids, report["solids"])
-    if report["faces"] != faces:
-        raise count_error(part, "faces", faces, report["faces"])
+    faces = path.read_bytes().count(b"=ADVANCED_FACE(")
+    _require_count(part, "solids", len(solids_of(part)[1]), report)
+    _require_count(part, "faces", faces, report)
     if not report["valid"]:
         raise ExportError(
             f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
@@ -139,6 +138,11 @@ def check(part: Part, path: Path) -> ReadBack:
         )
     volume_error = report["volume"] / part.volume - 1
     return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))
+
+
+def _require_count(part: Part, kind: str, count: int, report: dict[str, Any]) -> None:
+    if report[kind] != count:
+        raise count_error(part, kind, count, report[kind])
 
 
 def _require_same(part: Part, path: Path, text: str) -> None:
@@ -207,20 +211,20 @@ def encode_brep(part: Part) -> Iterator[bytes]:
 
 def check_brep(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
-    report, solids = inspection(part, path), len(solids_of(part)[1])
-    if report["solids"] != solids:
-        raise count_error(part, "solids", solids, report["solids"])
+    report = inspection(part, path)
+    _require_count(part, "solids", len(solids_of(part)[1]), report)
     if not (report["valid"] and report["tessellates"]):
         raise ExportError(f"OCCT finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
     if part.step not in ("smooth", "members"):
         return ReadBack(report["faces"], "faces", check_measure(part, report["volume"]))
     if part.step == "members":
-        if not abs(report["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
+        volume = member_file(part).volume
+        if not abs(report["volume"] - volume) <= READ_BACK * volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
-        return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
-    smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
-    if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
-        raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
+    else:
+        smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
+        if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
+            raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
 
 
@@ -270,6 +274,5 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 def check_lines_file(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
     report = inspection(part, path)
-    if report["lines"] != len(part.details.lines):
-        raise count_error(part, "lines", len(part.details.lines), report["lines"])
+    _require_count(part, "lines", len(part.details.lines), report)
     return ReadBack(report["lines"], "lines", check_length(part, report["length"]), "length")

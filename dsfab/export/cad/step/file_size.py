@@ -54,10 +54,8 @@ class BudgetError(ExportError):
     @property
     def strategy(self) -> str:
         """Name of the strategy, with its tolerance."""
-        tolerance_text = (
-            f" within {self.part.tolerance:.2g} mm" if self.way == "simplified" and self.part.tolerance else ""
-        )
-        return self.way + tolerance_text
+        is_within = self.way == "simplified" and self.part.tolerance
+        return f"{self.way} within {self.part.tolerance:.2g} mm" if is_within else self.way
 
     @property
     def excess(self) -> str:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums, unit_vectors
 from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
@@ -29,10 +29,8 @@ from dsfab.export.cad.step.shared.sheet_outline import WALL, ChartRegion, Outlin
 from dsfab.export.cad.step.smooth.edges import RunKey, run_key
 from dsfab.export.curves import Curve, fitted_curve, split_at_knots
 from dsfab.export.part import DividedSheet, Part
+from dsfab.export.splines import arc_lengths
 from dsfab.surface import CREASE, edge_table
-
-LEAST_GAP_SHARE = 1 / 8
-"""Smallest assumed gap between an opening and a fold or another opening, as a share of the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +72,7 @@ class FlatFacets:
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
         h, k = h[fold], k[fold]
-        normals = group_sums(self.facet, area_vectors(upper, F))
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = unit_vectors(group_sums(self.facet, area_vectors(upper, F)))
         length = np.linalg.norm(upper[F.ravel()[h - h % 3 + (h + 1) % 3]] - upper[F.ravel()[h]], axis=1)
         turn = np.einsum("ei,ei->e", normals[self.facet[h // 3]], normals[self.facet[k // 3]])
         return bool(2 * length[turn < np.cos(np.radians(CREASE))].sum() >= length.sum() > 0)
@@ -142,7 +139,8 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
     F, facet = flat.whole.F, flat.facet
     points, apart = _mitred_vertices(flat.skins, F, facet)
     if apart.any():
-        facet = _single_face_facets(facet, np.asarray(apart[F].any(axis=1)))
+        alone = np.where(apart[F].any(axis=1), len(facet) + np.arange(len(facet)), facet)
+        facet = np.unique(alone, return_inverse=True)[1].reshape(-1)
         _require_few_facets(facet)
         points = _mitred_vertices(flat.skins, F, facet)[0]
     outline = sheet_of(flat.whole._replace(chart=facet), flat.shift)
@@ -161,12 +159,6 @@ def _facet_labels(skins: Floats, F: Ints, tolerance: float) -> Ints:
     table = edge_table(F)
     skin_regions = [coplanar_regions(skins[:, s], F, table, tolerance)[0] for s in (0, 1)]
     return np.unique(np.stack(skin_regions, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-
-
-def _single_face_facets(facet: Ints, selected: Bools) -> Ints:
-    """Return (m,) facets after each chosen face became a separate facet."""
-    alone = np.where(selected, len(facet) + np.arange(len(facet)), facet)
-    return np.unique(alone, return_inverse=True)[1].reshape(-1)
 
 
 def _plane(skins: Floats, F: Ints) -> Facet:
@@ -193,10 +185,8 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
     for v in np.flatnonzero(np.diff(start)):
         around = [planes[int(k)] for k in pairs[start[v] : start[v + 1], 1]]
         for s in (0, 1):
-            N = np.array([facet_plane.axes[s, 2] for facet_plane in around])
-            offsets = np.array(
-                [facet_plane.axes[s, 2] @ (facet_plane.origin[s] - skins[v, s]) for facet_plane in around]
-            )
+            N = np.array([plane.axes[s, 2] for plane in around])
+            offsets = np.array([plane.axes[s, 2] @ (plane.origin[s] - skins[v, s]) for plane in around])
             move = np.linalg.lstsq(N, offsets, rcond=1e-9)[0]
             points[v, s] += move
             apart[v] |= float(np.abs(N @ move - offsets).max()) > exact
@@ -223,10 +213,10 @@ class FoldedShape:
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
-    walls = dict[RunKey, list[Curve]]()
+    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # an opening may be close to a fold or an opening
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
-        gaps = gaps_between([line[:, :2] for line in lines], tolerance, LEAST_GAP_SHARE * tolerance)
+        gaps = gaps_between([line[:, :2] for line in lines], tolerance, least_gap)
         for loop, gap in zip(region.loops, gaps, strict=True):
             for run in loop:
                 if run.beyond == WALL:
@@ -243,10 +233,7 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
-    if (
-        sum(signed_loop_area(line[:, :2]) > 0 for line in lines) != 1
-        or sum(signed_loop_area(line[:, 2:]) > 0 for line in lines) != 1
-    ):
+    if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):
         raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
     return lines
 
@@ -257,27 +244,14 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     Points at equal shares of the two lengths lie opposite each other, because one skin is longer beside a fold.
     Straight edges then stay lines.
     """
-    upper, lower = line[:, :2], line[:, 2:]
-    shares = [_shares(skin_line) for skin_line in (upper, lower)]
+    upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
+    shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
-    columns = [
-        [np.interp(x, share, column) for column in skin_line.T]
-        for share, skin_line in zip(shares, (upper, lower), strict=True)
-    ]
-    curve = fitted_curve(np.stack([column for skin_line in columns for column in skin_line], axis=1), tolerance)
+    columns = [np.interp(x, shares[i // 2], column) for i, column in enumerate(line.T)]
+    curve = fitted_curve(np.stack(columns, axis=1), tolerance)
     if curve is None:
         raise ExportError(f"no spline follows an outline of {len(line)} points within {tolerance:.3g} mm")
     return curve
-
-
-def _shares(line: Floats) -> Floats:
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    return np.asarray(length / max(float(length[-1]), 1e-300))
-
-
-def is_fold(run: OutlineRun) -> bool:
-    """Return whether a run lies between two facets."""
-    return run.beyond != WALL
 
 
 EdgePair = tuple[int, int]
@@ -329,7 +303,7 @@ class _Writer:
             kind = "FACE_BOUND" if bounds[0] else "FACE_OUTER_BOUND"
             steps = list[tuple[EdgePair, bool]]()
             for run in region.loops[i]:
-                if is_fold(run):
+                if run.beyond != WALL:
                     steps.append(self._fold(run))
                 else:
                     wall_edges, walls = self._walls(run, facet)

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table
 
 FLATNESS = 1e-5
@@ -24,7 +24,7 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     """
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    units = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    units = unit_vectors(vectors)
     lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
     h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # triangle h // 3 has the neighbour k // 3
@@ -48,8 +48,7 @@ def _components(links: Ints, count: int) -> Ints:
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
     """(r,) largest distance of a region's vertices from its mean plane."""
-    normal = group_sums(region, vectors)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal = unit_vectors(group_sums(region, vectors))
     weight = np.linalg.norm(vectors, axis=1)
     total = np.maximum(np.bincount(region, weight), 1e-300)
     middle = group_sums(region, corners.mean(axis=1) * weight[:, None]) / total[:, None]

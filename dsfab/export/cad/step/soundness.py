@@ -60,19 +60,15 @@ def curved_soundness(
 
     All faults except crossings come from the first triangles. Raises ExportError if OCCT takes too long.
     """
-    sound, triangles, crossing_faces = (
-        soundness(first_triangles.V, first_triangles.F),
-        first_triangles,
-        np.zeros(0, dtype=np.int64),
-    )
+    sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
+    crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
         crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # keep faces of earlier rounds
-        sound, triangles = _redraw(
-            sound, first_triangles, _faces_near(first_triangles, crossing_faces, deflection), deflection / 4**k, shape
-        )
+        faces = _faces_near(first_triangles, crossing_faces, deflection)
+        sound, triangles = _redraw(sound, first_triangles, faces, deflection / 4**k, shape)
     return sound
 
 
@@ -141,10 +137,6 @@ def _euler(F: Ints) -> int:
 MOST_FACES = 2000
 """Most faces of a file that is cut on trial without a request: the cut takes 4 s, or 10 to 15 s with the STEP text."""
 
-SECONDS, SECONDS_PER_FACE = 30.0, 0.03
-"""Limits of processor time, several times the measured time, because volumes of smooth halves with many edges take
-long."""
-
 
 @dataclass(frozen=True)
 class SampledUse:
@@ -176,7 +168,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     """Return the fault of the halves of a trial cut ("" if none), and the box of the whole: six numbers in mm, or
     None."""
-    seconds = SECONDS + SECONDS_PER_FACE * faces
+    seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
@@ -206,8 +198,5 @@ def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: floa
     share : largest error, as a share of the part's diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
-    return (
-        f"OCCT's box of it is {distance:.3g} mm off"
-        if distance > share * size + limits.distance + limits.usual_chord
-        else ""
-    )
+    is_far = distance > share * size + limits.distance + limits.usual_chord
+    return f"OCCT's box of it is {distance:.3g} mm off" if is_far else ""

@@ -1,4 +1,4 @@
-"""Borders between members: straightened, moved to meet round corners steeply, and removed where outlines cross."""
+"""Borders between members: straight curves, steep ends at round corners, and removal where outlines cross."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -17,15 +17,15 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, splines_through
 
 TOUCHING_SHARE = 1 / 400
-"""Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther
-apart."""
+"""Two parts of an outline touch if they are nearer than this share of the thickness. Parts of sound outlines are six
+times farther apart."""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains of a region that cross another chain of the region, seen along the region's mean normal.
-    The result also holds a chain within `distance` mm of a corner where it does not end, with the chains that end at
-    this corner. It holds all chains of a region that is inside out."""
-    finest = 12  # a cubic gets at most 12 chords, short at its ends because chains cross there at small angles
+    """Return the chains of a region that cross another of its chains, seen along the region's mean normal.
+    A chain within `distance` mm of a corner also counts, and so do the chains that end at this corner. If the region is
+    turned inside out, all its chains count."""
+    finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
@@ -39,7 +39,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # the sides of a narrow region have changed places
+            return set(chain.tolist())  # two sides of a narrow region have changed places
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(away & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -69,7 +69,7 @@ def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Fl
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """(k,) whether each segment of closed lines (k, 2) in a plane crosses another segment."""
+    """Return (k,) True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
     apart = _side(a[:, None], b[:, None], a[None]) * _side(a[:, None], b[:, None], b[None]) < 0
@@ -84,7 +84,7 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Unite a region whose outline crosses or nearly touches itself with the neighbour beyond a chain, if possible."""
+    """Join each region whose outline crosses or nearly touches itself with a neighbour, if one can be joined."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -96,7 +96,7 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Unite the two regions beside a chain if both have a single outline; the left region keeps its number."""
+    """Join the two regions beside a chain if each has a single outline; the left region keeps its number."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
@@ -135,7 +135,7 @@ PLACES = np.linspace(0, 1, 65)
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove hairpins, and put each inner chain on the simplest curve near the chain; thickness in millimetres."""
+    """Remove borders that turn back, and replace each inner chain by the simplest curve near it; thickness in mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
     sag = 1 / 400  # chords are off the curve by at most this share of the thickness; coarser polylines need many spans
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -162,14 +162,14 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
-    detour = 1.5  # a hairpin is at least 1.5 times as long as the distance of its ends; half a circle 1.57 times
+    detour = 1.5  # a hairpin is 1.5 times longer than the distance of its ends; half a circle 1.57 times
     line = curve(PLACES)
     length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
     return length > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    least_cosine = 0.5  # normals of a joined region turn by at most 60 degrees from the mean normal
+    least_cosine = 0.5  # the normals of a joined region are at most 60 degrees off their mean
     for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -235,7 +235,7 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Rank a place. Above 45 degrees the end of an arc is preferred, because the arc then remains whole."""
+        """Rank a place. Above 45 degrees the end of an arc ranks first, because the arc then remains whole."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -249,7 +249,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the degrees between a border and an outline at a node; beside a round chain only the wall counts."""
+        """Return the angle (degrees) between a border and an outline at a node; beside a round chain only the wall
+        counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
@@ -319,8 +320,6 @@ def _bent(line: Floats) -> Ints:
 
 
 def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
-    """Return the angle in degrees at the middle of three points, between the anchor and the mean direction of both
-    sides."""
     along, to_anchor = weights @ unit_vectors(np.diff(points, axis=0)), anchor - points[1]
     cosine = abs(along @ to_anchor) / max(float(np.linalg.norm(along) * np.linalg.norm(to_anchor)), 1e-300)
     return float(np.degrees(np.arccos(min(1.0, cosine))))

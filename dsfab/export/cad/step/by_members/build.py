@@ -1,4 +1,4 @@
-"""File of a part by members, and OCCT's checks of the file: reading, comparison with the mesh, cuts by half-spaces."""
+"""File of a part by members, and OCCT's checks of the file: triangles, comparison with the mesh, and trial cuts."""
 
 import subprocess
 from dataclasses import dataclass
@@ -29,7 +29,8 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limits of processor time for each of the two programs, many times the measured time."""
+"""Limits of the processor time for each of the two OCCT programs: a constant part, and seconds per face. Both are
+many times the measured time."""
 
 CUT_COUNT = len(PLANES)
 
@@ -38,9 +39,9 @@ CUT_COUNT = len(PLANES)
 class MemberFile:
     """Checked file of a part by members.
 
-    solids, faces, trimmed : their numbers.    gap : widest gap, mm.    there, back : distances from the mesh and back,
-                             mm.
-    volume : mm3.    used : result of OCCT's trial cuts, as text."""
+    solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.
+    there, back : largest distances from the mesh and back, mm.    volume : mm3.    used : result of OCCT's trial
+                  cuts."""
 
     text: str
     solids: int
@@ -64,7 +65,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Reason why a part has no file by members. if_asked : True if a request by name helps."""
+    """Reason why a part has no file by members. if_asked : True if the file is possible when the user requests it."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -72,7 +73,7 @@ class NotByMembersError(ExportError):
 
 
 class _RoughError(ExportError):
-    """The file is too far from the mesh, or OCCT finds it invalid or without a solid; a finer file may pass."""
+    """The file is too far from the mesh, or OCCT finds no valid solid in it; a finer file may pass."""
 
 
 @derived
@@ -88,8 +89,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _accepted_file(part: Part) -> MemberFile:
-    """Return the first file that passes: the usual file, or if this is rough a file whose faces lie nearer to the
-    mesh."""
+    """Return the usual file if it passes; otherwise return a finer file, whose faces lie nearer to the mesh."""
     plan = SolidPlan(part)
     try:
         return _tried(part, plan, False)
@@ -98,7 +98,7 @@ def _accepted_file(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # the program loads OCCT meanwhile
+    with occt() as program:  # the program loads OCCT while the draft is made
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -118,8 +118,8 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 class _TriangleReport:
     """Report on OCCT's triangles.
 
-    there, back : distances from the mesh and back.    fault : reason why the triangles bound no solid, or why OCCT
-    cannot tell.    shape : OCCT's binary shape.
+    there, back : distances from the mesh and back.    shape : OCCT's binary shape.
+    fault : reason why the triangles bound no solid, or why OCCT cannot tell.
     """
 
     there: MeshDistances
@@ -148,8 +148,8 @@ def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
     """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
-    # OCCT's box may be off by this share of the diagonal. It is less than twice the limit of trial cuts, because the
-    # alternatives are worse: for a saddle of 5 m, 1.1 % by members and 20 % for the smooth file.
+    # OCCT's box may be off by this share of the diagonal, because the box of a smooth file is worse: for a saddle of
+    # 5 m the box is 1.1 % off by members and 20 % off for the smooth file.
     wide_box = 2e-2
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
@@ -165,8 +165,8 @@ def _require_solid(
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
     rounder = float((gate.excess_volumes * gate.volumes).sum()) / mesh_volume
     worst_way = max(forth, back, key=lambda distances: distances.worst - distances.allowed)
-    far = f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
-    _require(worst_way.worst <= worst_way.allowed, far, _RoughError)
+    complaint = f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
+    _require(worst_way.worst <= worst_way.allowed, complaint, _RoughError)
     is_kept = abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume
     _require(is_kept, f"its volume by members is off by {volume / mesh_volume - 1:.1%}")
     _require(not triangles[0].fault, triangles[0].fault, _RoughError)
@@ -179,7 +179,6 @@ def _box(findings: list[OcctFinding]) -> list[float]:
 
 
 def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> str:
-    """Describe one trial cut of OCCT's shape; raises ExportError if the cut failed."""
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
@@ -187,7 +186,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread it."""
+    """Describe all trials of the OCCT program; raises ExportError if a CAD program would fail with the file."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:

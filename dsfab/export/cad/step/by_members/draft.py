@@ -48,9 +48,9 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of coordinates of edges in mm. If an edge is part of a patch's side, edge and side have different poles.
-OCCT ignores less than 1e-7 mm, but measures more at samples. A shortened edge has other samples, and an increase by a
-thousandth makes the edge invalid."""
+"""Decimals of the coordinates of edges in mm. An edge that is part of a patch's side has other poles than the side.
+OCCT ignores differences below 1e-7 mm. But a shortened edge has other samples, and if its difference grows by a
+thousandth the edge becomes invalid."""
 
 
 class NetWriter:
@@ -155,14 +155,14 @@ GAP_SHARE = 1 / 4000
 """Wanted gap between a trimmed face and its edges, as a share of the thickness."""
 
 PASSES = 3
-"""Number of repeated tests for crossing outlines, because joined or undivided regions may cross again."""
+"""Number of repeated tests for crossing outlines, because outlines of joined or undivided regions may cross again."""
 
 UNASKED = 7000
-"""Largest number of faces for a hurry of 1, unless the user requests members by name: more faces take half a minute."""
+"""Largest number of faces if `hurry` is 1 and the user did not request members; more faces take half a minute."""
 
 
 class ManyFacesError(ExportError):
-    """The file has too many faces; only a request by name allows so many."""
+    """The file would have so many faces that the user must request it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,18 +177,17 @@ class MemberDraft:
 
 
 def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
-    """Encode a part without checks; raises ExportError if that fails, and ManyFacesError for too many faces without a
-    request.
+    """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
 
     fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
-    triangles, see `RegionInterior`.
+           triangles, see `RegionInterior`.
     """
     with one_blas_thread():  # threads slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_joined = 3 / 4  # at least this share of the outline's chains become walls; usually 14 of 15 do
+    least_walls = 3 / 4  # at least this share of an outline's chains become walls, usually 14 of 15
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -196,7 +195,7 @@ def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
-        _require_few(part, 2 * len(net.loops) + int(least_joined * walls))
+        _require_few(part, 2 * len(net.loops) + int(least_walls * walls))
         model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
         pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
@@ -210,7 +209,7 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return whether a part was refused because of its number of faces alone."""
+    """Return True if a part was refused only because of its number of faces."""
     return part in _TOO_MANY
 
 
@@ -236,11 +235,10 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
+    """Return the net of a piece: about one wall for each chain of an outline, and at least two faces for each
     region."""
-    # Regions between two chains and walls between two borders are removed if they are narrower or shorter than these
-    # shares of the thickness.
-    lens_share, wall_share = 1 / 3, 1 / 20
+    lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
+    wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
@@ -322,7 +320,7 @@ def _with_cut_ends(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles around each trimmed region. A line that is part of several outlines moves all of them."""
+    """Return the poles around each trimmed region; a line that belongs to several outlines changes all of them."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -335,7 +333,7 @@ def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> 
 
 
 class _Fits:
-    """Lines and models of nets. A cache keeps samples of unchanged chains and trimmed faces of unchanged outlines."""
+    """Lines and models of nets. A cache keeps the samples of unchanged chains and the faces of unchanged outlines."""
 
     def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness

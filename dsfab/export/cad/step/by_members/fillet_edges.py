@@ -1,4 +1,4 @@
-"""Edges that OCCT can fillet: extended seams at corners, the order of walls, and direction and length of edges."""
+"""Edges that OCCT can fillet: extended seams at corners, order of walls, and direction and length of edges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -25,22 +25,22 @@ from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
 FACE_TOLERANCE = 1e-6
-"""Largest distance in mm of a face from the extended part of a seam."""
+"""Largest distance (mm) of a face from the extended part of a seam."""
 
 PLACES = np.linspace(0, 1, 17)
-"""Parameters where the distance of `FACE_TOLERANCE` is measured."""
+"""Parameters of a curve where its distance from a face is measured."""
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return (2, 4, 2) poles of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
-    is off."""
+    """Return poles (2, 4, 2) of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
+    leaves its surface."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return (2, 2, 2) ends of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
+    """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
     edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
     P = patch.poles
     for axis in (0, 1):
@@ -74,28 +74,29 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6
-"""A seam is extended for a fillet with this radius over the thickness, times the tangent of half the turn."""
+"""Radius over the thickness of the fillet for which a seam is extended. The extension is this radius times the
+tangent of half the turn."""
 
 MARGIN = 0.1
-"""Surfaces extend farther than the seam by this share of its extension."""
+"""Surfaces extend farther than the seam by this share of the seam's extension."""
 
 LARGE_FILLET_SHARE = 1 / 8
-"""The patch beyond such a seam is extended for a fillet with this radius over the thickness. OCCT extends the patch
-along its tangents. The gap at the end of the fillet becomes the tolerance of the extended seam. If the tolerance is
-above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
+"""Radius over the thickness of the fillet for which the patch beyond a seam along a wall's edge is extended. OCCT
+extends the patch along its tangents, and the gap at the fillet's end becomes the tolerance of the seam. If the
+tolerance is above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
 
 TANGENT_GAP = 3e-5
 """Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
 But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of such a seam if a trimmed face, which is wide enough, lies beyond. The extended seam was
-off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
+"""Movement (mm) of a pole of a seam along a wall's edge, if the face beyond is a trimmed face and wide enough. The
+extended seam was off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or the edge of a wall beside a corner with such a seam.
+    """Extended seam, or the edge of a wall beside a corner where such a seam ends.
     poles : (4, 6) of its curves, mm.
     on    : by face (patches first, trimmed faces last), poles (2, k, 2) of the curves in parameters of both surfaces.
     """
@@ -105,14 +106,13 @@ class LongSeam:
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return poles (4, 6) of extended seams by edge: of each seam that alone ends at a filled corner."""
+    """Return poles (4, 6) of extended seams, by edge: of each seam that alone ends at a filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles (4,
-    6)."""
+    """Return for each edge the shares (2,) by which it extends beyond its start and its end, and the poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -151,8 +151,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend surfaces along extended seams; return the model, the faces, and the extended seams with their neighbours
-    by edge.
+    """Extend the surfaces along extended seams. Return the model, the faces, and by edge the extended seams with the
+    edges beside them.
 
     A seam that leaves one of its faces is not extended."""
     corners = filled_corners(model)
@@ -201,8 +201,8 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return for each patch at a seam that continues a wall's edge a box around both, and places (2, 2, 2) beyond
-    the seam."""
+    """Return by patch, for seams that continue a wall's edge: a box around both, and places (2, 2, 2) beyond the
+    seam."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -273,11 +273,11 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 
 
 CLEAR_EDGE = 1 / 7
-"""Largest fillet, as radius over the thickness, that ends before the nearest cut of a wall's edge."""
+"""Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
-edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
+"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends
+the edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
 1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
 DENSE = np.linspace(0, 1, 129)
@@ -285,9 +285,9 @@ DENSE = np.linspace(0, 1, 129)
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-    An outline begins where it is smoothest. If the outline has only corners, its first and its last corner belong to
-    the first wall. An edge of this wall must end at each of them, so a wall with a single edge gets two edges."""
+    """Order the walls around each outline and their edges, as OCCT needs for fillets.
+    An outline begins where it is smoothest. If it has only corners, its first and its last corner belong to the first
+    wall. An edge of this wall must end at each of these corners, so a wall with a single edge gets two edges."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -348,7 +348,7 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model that are cut or reversed. forwards : steps that replace each such edge."""
+    """Edges of a model that are cut or reversed. forwards : by edge, the steps that replace it."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
@@ -373,7 +373,7 @@ class CutEdges:
         self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """Return the model with walls in the given order."""
+        """Return the model with other walls."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:

@@ -1,4 +1,4 @@
-"""Fillets at round corners of openings: joined to the regions beside them, with borders moved to the fillets' ends."""
+"""Round corners of openings: they join the regions beside them, and borders move to the ends of the corners' arcs."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -13,7 +13,7 @@ from dsfab.export.splines import arc_lengths
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains, (chain, 0 or -1), to other points; each inner point moves by a share that grows linearly."""
+    """Move ends of chains, (chain, 0 or -1), to other points; between the ends, the movement changes linearly."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {
         k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)]
@@ -41,9 +41,8 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
-    A short wall leaves an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
-    such walls and took no fillet."""
+    """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
+    Beside a short wall, an arc ends at any angle: at four feet of members eight of twelve edges took no fillet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -70,7 +69,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chains that end and begin at a node, and the end of its only border there, or None."""
+    """Return the chains of an outline that end and begin at a node, and the end of its only border there; None
+    without a single border."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -83,7 +83,7 @@ def turn_at(three: Floats) -> float:
 
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
-    """Give each crossing the parts of its round corners that lie in outlines of members.
+    """Lengthen the arcs of round corners by their parts that belong to outlines of members.
     Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
     the part."""
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
@@ -133,7 +133,7 @@ class _Arcs:
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Take every fillet into the neighbouring regions; other loose regions stay."""
+    """Join every fillet with the neighbouring regions; other regions outside of all stripes stay."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
@@ -159,10 +159,9 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        flat_detour = 4.0  # limit for two members behind a fillet: their walls contain a part of the arc
-        # Largest ratio of the length along the members behind a fillet to the length of its arc. It is 1.27 for a right
-        # angle, 1.65 for 60 degrees, and 3 for a square.
-        detour = 2.2
+        # The length along the members behind a fillet is at most 2.2 times its arc: 1.27 for a right angle, 1.65 for 60
+        # degrees, 3 for a square. It is 4 times for two members, whose walls contain a part of the arc.
+        detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
         loop = self.loops[region][0]
@@ -226,9 +225,11 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet that borders on both members beside it, or that is far smaller than the
-        other."""
-        smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
+        """Return the region behind a fillet that borders on both members beside it, or is far smaller than the other
+        region."""
+        smaller = (
+            0.6  # the crossing is the smaller of two regions if its border is below this share of the other's border
+        )
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -257,7 +258,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc, and give its parts to the first and the last region behind it; the last part comes first."""
+        """Divide an arc between the first and the last region behind it; the part of the last region comes first."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

@@ -1,4 +1,4 @@
-"""Lines along several chains, and arcs at the round corners of openings, tangent to the walls beside them."""
+"""Lines along several chains, and arcs at round corners of openings, tangent to the walls beside them."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,7 +31,8 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters; between each pair one side of the line is void. The material is on the left."""
+        """Return pairs of parameters; between each pair the space beside the line is void. The material is on the
+        left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -49,16 +50,18 @@ class ChainLine:
         return self._divide(lambda a, b, P: _is_inside(P, box))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
-        """Halve the cubics that `spans` (k,) marks."""
+        """Halve the cubics for which `spans` (k,) is True."""
         ends = pairwise(self.curve.breaks.tolist())
         marked = {span for span, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
         """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
-        the middle."""
+        it."""
         shortest = 1 / 16  # a shorter part of the line's parameters stays, because ends of lines may lie outside a box
-        near = 1 / 4  # a chain's end is near the middle of a cubic if it is at most this share of the cubic away
+        middle_share = (
+            1 / 4
+        )  # a chain's end is near the middle of a cubic if it is at most this share of the cubic away
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -67,7 +70,7 @@ class ChainLine:
                 breaks.append(b)
                 spans.append(P)
                 continue
-            near_ends = self.at[np.abs(self.at - (a + b) / 2) < near * (b - a)]
+            near_ends = self.at[np.abs(self.at - (a + b) / 2) < middle_share * (b - a)]
             x = near_ends[np.argmin(np.abs(near_ends - (a + b) / 2))] if len(near_ends) else (a + b) / 2
             share = (x - a) / (b - a)
             lower, upper = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
@@ -79,7 +82,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` gives the line and the parameters of each chain. twins : lines on both sides of a
+    """Lines of a net. `place` holds the line and the parameters of each chain. twins : lines on both sides of a
     seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
@@ -141,7 +144,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move the end of each line onto the line where it ends."""
+    """Move each end of a line that lies on another line onto that line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -171,9 +174,9 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) of nodes inside lines.
-    When the ends of a line move, the nodes on the line move too, and these may be ends of further lines. So the points
-    are the solution of a linear system."""
+    """Return the points (6,) of nodes inside lines, by node.
+    When the ends of a line move, its inner nodes move too, and these may be ends of further lines. So the points solve
+    a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -221,14 +224,13 @@ BEND_ANGLE = np.deg2rad(10.0)
 
 
 class ArcsOnSkins:
-    """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to the
-    skins."""
+    """Arcs on both skins and their distances from the chains, with a cache.
+    away : function of points (k, 6) that returns the vectors to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
 
     def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
-        """Return the arcs on the skins, by chain."""
         poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
         changed = [k for k in arcs if not self._is_cached(k, chains[k], poles[k])]
         for k, curve in zip(changed, on_skins([arcs[k] for k in changed], self.away), strict=True):
@@ -246,8 +248,9 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : chains of these corners."""
-    rounds = 4  # an arc that becomes a wall may push other arcs off their chords
+    """Replace the lines of round corners by arcs within tolerances (mm, by chain). rounded : chains of these
+    corners."""
+    rounds = 4  # without an arc that is refused, the arcs beside it change and may leave their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -274,8 +277,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return outline chains with a bend at an inner vertex, and chords of their arcs within tolerances (mm, by
-    chain)."""
+    """Return the chains of outlines that bend inside, or are chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -308,7 +310,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain. At a node without a common direction, the chain keeps its
+        """Return the arcs of round corners, by chain; without a common direction at a node, the chain keeps its
         direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
@@ -328,8 +330,8 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return the (6,) direction of an outline at a node, from a cache; None at a corner, or at a border that
-        leaves this way."""
+        """Return from a cache the direction (6,) of an outline at a node; None at a corner, or at a border along the
+        outline."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -353,8 +355,8 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the (6,) tangent at the point where two consecutive chains meet, of the circle through the three
-        ends."""
+        """Return the tangent (6,) at the end of one chain of the circle through the three ends of two consecutive
+        chains."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -367,8 +369,7 @@ class _Corners:
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
-    """Return the angles (radians) between the end of a chain and the beginning of the next, seen along the sheet's
-    normal."""
+    """Return the angles (radians) between each pair of consecutive chains, seen along the sheet's normal."""
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])

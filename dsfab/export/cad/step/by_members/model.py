@@ -117,7 +117,7 @@ def net_model(
 
 class _ModelAssembly:
     def __init__(
-        self, stations: SideStations, quads: list[Quad], others: list[int], covering: PatchBuilder, model: NetModel
+        self, stations: SideStations, quads: list[Quad], rest: list[int], covering: PatchBuilder, model: NetModel
     ) -> None:
         self.lines = lines = stations.lines
         self.model = model
@@ -134,10 +134,10 @@ class _ModelAssembly:
         patches = covering([quad.region for quad in quads], self._sides(grids))
         for quad, grid, patch_poles in zip(quads, grids, patches, strict=True):
             if patch_poles is None:
-                others.append(quad.region)
+                rest.append(quad.region)
             else:
                 self._add(patch_poles, grid)
-        for region in others:
+        for region in rest:
             self.model.trimmed[region] = [
                 [e for step in loop for e in self._steps(lines.line_part(step))] for loop in lines.net.loops[region]
             ]

@@ -151,9 +151,9 @@ class SideStations:
         first_parts = self._parts_between(first_side, first_breaks, pairs[0])
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
-    def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], at: Floats) -> list[LinePart]:
+    def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
         """Divide a side at shares (k,) of its length; a share that is no break becomes a station of a line."""
-        ends, parts = np.concatenate([[0.0], at, [1.0]]), list[LinePart]()
+        ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
             q, y = breaks.get(share) or self._add_station(side, share, float(before), float(after))

@@ -256,6 +256,6 @@ def _on_the_right(F: Ints, path: Ints) -> Bools:
     _, part = link_components(len(F), half_edges_a[~across] // 3, half_edges_b[~across] // 3)
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
-    beside = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
-    right_cells = [h // 3 for h in beside if (int(start[h]), int(end[h])) in backwards]
+    adjacent = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
+    right_cells = [h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]
     return np.isin(part, part[right_cells])

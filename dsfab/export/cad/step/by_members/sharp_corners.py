@@ -202,7 +202,7 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
     inside = inside_of(edges)
     largest_move = MOVED * float(np.linalg.norm(middle[:3] - middle[3:]))
     for poles, axes, s in face.skins:
-        points = tuple(each[:, s] for each in (held_points, test_points, edges, inside))
+        points = tuple(group[:, s] for group in (held_points, test_points, edges, inside))
         surface = _surface_through(poles, axes, points, largest_move)
         if surface is None:
             return face
@@ -250,9 +250,12 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
     """Return the (k,) movement of pole heights that brings the surface onto the first points and near the third points.
     rows : basis (., k) for each kind of points.    distances : from the surface to each kind of points."""
-    held, move = 1e6, 1e-4  # weights of the first points and of the moves; the third points have the weight 1
+    held_weight, move_weight = (
+        1e6,
+        1e-4,
+    )  # weights of the first points and of the moves; the third points have the weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
-    still = [smooth * differences(degree + 1), move * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
-    right = np.concatenate([held * distances[0], distances[2], np.zeros(sum(map(len, still)))])
-    A = np.concatenate([held * rows[0], rows[2], *still])
+    still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
+    right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])
+    A = np.concatenate([held_weight * rows[0], rows[2], *still])
     return np.asarray(lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0])

@@ -7,7 +7,7 @@ import igl
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, face_angles
+from dsfab.core.arrays import Bools, Floats, Ints, face_angles, unit_vectors
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
@@ -111,7 +111,7 @@ class CreaseSides:
         N = np.zeros((len(vertex), 3))
         np.add.at(N, corner, face_angles(surface.V, surface.F)[..., None] * surface.normals[:, None])
         N[: surface.n] = skins.normals
-        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        N = unit_vectors(N)
         half = skins.half[vertex]
         mitre = np.zeros_like(N)
         mitre[surface.n :] = _mitres(sides, N[surface.n :], half[surface.n :])
@@ -244,11 +244,6 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
     return np.where(numbers[position] == sought, position, -1)
 
 
-MOST_LIFT = 1 / 5
-"""Largest lift of a point, as a share of the thickness. At most a quarter of the thickness counts as chord error
-(`MOST_CHORD`), and both skins and the fits are off by a little more."""
-
-
 @dataclass(frozen=True, eq=False)
 class Lifting:
     """Uncut surface with its skins, see `DenseSurface`, as the target of points of the mesh."""
@@ -281,6 +276,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
+        most_lift = 1 / 5  # of the thickness; at most a quarter of it counts as chord error, see `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -288,9 +284,8 @@ class Lifting:
         pull = weights @ (along[:, None] * N)
         half = MM_PER_M * np.asarray(weights @ self.sides.half)[:, None]
         lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
-        lift *= np.minimum(2 * MOST_LIFT * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
-        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-        D = half * n
+        lift *= np.minimum(2 * most_lift * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
+        D = half * unit_vectors(n)
         if len(self.sides.creases):
             D = D + MM_PER_M * np.asarray(weights @ self.sides.mitre)
         middle = P + lift + self.skins.shift * D
@@ -303,7 +298,7 @@ class Lifting:
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
         return np.concatenate(vectors, axis=1)
 

@@ -19,9 +19,6 @@ from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corners_of
 
-NEAR_SHARE = 1 / 2
-"""A point nearer to the mesh than this share of the allowed distance passes without a look at the local chord error."""
-
 
 class MeshDistances(NamedTuple):
     """One-way distances between a piece and the mesh: the largest, the one with the most excess and its limit; bad
@@ -124,7 +121,7 @@ class PieceJudge:
     def excess_distances(self, points: Floats) -> Floats:
         """(k,) excess of points (k, 3) over their allowed distance from the mesh; negative for near points."""
         away = self.solids.distances(points)
-        is_far = away > NEAR_SHARE * self.limits.distance  # near points need no local limit
+        is_far = away > self.limits.distance / 2  # near points need no local limit
         away[is_far] -= self.limits.allowed_distances(points[is_far])
         away[~is_far] -= self.limits.distance
         return away

@@ -184,14 +184,11 @@ class SmoothPlan(SolidPlan):
             builder.piece(k, {}) if k in ready else SmoothPiece(refused=why.get(k, "it is done"))
             for k in range(sheet.count)
         ]
-        return SmoothSolid(
-            gate, builder, SmoothModel(atlas.charts, builder.nodes, pieces, self.limits.thickness), requested
-        )
+        model = SmoothModel(atlas.charts, builder.nodes, pieces, self.limits.thickness)
+        return SmoothSolid(gate, builder, model, requested)
 
     def _unfinished_vertices(self, finished: Collection[int]) -> Ints:
-        is_unfinished = np.isin(
-            self.whole.piece, _unfinished_pieces(PieceJudge(self.solids, self.whole, self.limits), finished)
-        )
+        is_unfinished = np.isin(self.whole.piece, _unfinished_pieces(self.gate, finished))
         points = self.whole.V[np.unique(self.whole.F[is_unfinished])]
         marks = np.zeros(self.surface.n, dtype=bool)
         marks[cKDTree(MM_PER_M * self.surface.V).query(points)[1]] = True

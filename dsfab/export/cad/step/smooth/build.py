@@ -33,9 +33,6 @@ REFITS = 2
 CLOSEST = len(LEVEL_FACTORS) - 1
 """Highest level of tighter curves."""
 
-CHORDS, NEAR = 64, 4
-"""Number of chords of an edge for distances of mesh corners, and number of chords tested for each corner."""
-
 
 class _AcceptedPiece(NamedTuple):
     model: SmoothModel
@@ -62,9 +59,8 @@ def first_draft(part: Part) -> tuple[int, int]:
 
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
-        most_faces = 6000  # OCCT reads 6000 faces in one to two minutes; larger files get no further layout
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, most_faces
+        self.inspected, self.most = 0, 6000  # OCCT reads 6000 faces in one to two minutes; then no layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
@@ -74,7 +70,8 @@ class _SmoothSearch:
         """Accept each solid in the first layout in which all its pieces pass; solids may use different layouts."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
-                self._try(fields)
+                with ExitStack() as programs:
+                    self._judge_layout(programs, fields)
             except BudgetError:
                 raise
             except ExportError as error:
@@ -87,10 +84,6 @@ class _SmoothSearch:
         if not self.taken:
             raise ExportError(f"{self.reason}; write step = 'faceted'")
         return self._file()
-
-    def _try(self, fields: Floats) -> None:
-        with ExitStack() as programs:
-            self._judge_layout(programs, fields)
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
         # Refused places: of seven sheets with 1100 to 3800 faces four had none, one had 2, and two had 104 and 216,
@@ -126,31 +119,29 @@ class _SmoothSearch:
         self.left, self.pieces = gate.remaining_triangles(self.done), len(model.pieces)
 
     def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
-        face_seconds = 0.1
-        base_seconds = 120  # processor time is limited to many times the usual time, because a check may never end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         require_budget(self.part, count, len(self.text))
-        seconds = base_seconds + face_seconds * count
+        seconds = 120 + 0.1 * count  # many times the usual processor time, because a check may never end
         results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
     def _file(self) -> SmoothPieceFile:
         rest = rest_of(self.part, self.left) if len(self.left) else None
-        taken = [(model, k) for model, k, _ in self.taken]
+        taken, verdicts = [(model, k) for model, k, _ in self.taken], [verdict for *_, verdict in self.taken]
         text = self.text if rest is None and taken == self.last else file_text(self.part, taken, rest)
         return SmoothPieceFile(
             text=text,
             pieces=self.pieces,
             smooth=len(self.taken),
             faces=text.count("=ADVANCED_FACE("),
-            gap=max(model.pieces[k].gap for model, k, _ in self.taken),
-            there=max(verdict.there for _, _, verdict in self.taken),
-            back=max(verdict.back for _, _, verdict in self.taken),
+            gap=max(model.pieces[k].gap for model, k in taken),
+            there=max(verdict.there for verdict in verdicts),
+            back=max(verdict.back for verdict in verdicts),
             limits=self.plan.limits,
-            volume=sum(verdict.volume for _, _, verdict in self.taken),
+            volume=sum(verdict.volume for verdict in verdicts),
             refused=self.reason if len(self.left) else "",
         )
 
@@ -186,10 +177,11 @@ def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
 
     OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
     """
-    x = np.linspace(0, 1, CHORDS + 1)
+    chord_count, nearest_count = 64, 4  # chords of an edge, and nearest chords that are measured for each corner
+    x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)
-    nearest_chords = cKDTree((start + end) / 2).query(corners, NEAR)[1]
+    nearest_chords = cKDTree((start + end) / 2).query(corners, nearest_count)[1]
     away = distances_from_segments(corners[:, None], start[nearest_chords], end[nearest_chords]).min(axis=1)
     is_far = away > limits.distance
     return np.asarray(corners[is_far][away[is_far] > limits.allowed_distances(corners[is_far])])

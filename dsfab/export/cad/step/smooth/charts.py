@@ -127,27 +127,22 @@ def fitted_surface(
     n, inside_numbers = min(first_poles, pole_limit), np.flatnonzero(inside)
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
-        patch, points = _through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
+        patch, points = patch_through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
         away = np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2)
         distance = float(away.max())
         if distance <= tolerance or n >= min(pole_limit, most_poles):
             return SurfaceFit(patch, distance, float(n), bool(distance > tolerance and n < most_poles))
-        n = min(
-            n * float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0)), max(pole_limit, n), float(most_poles)
-        )
+        growth = float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0))
+        n = min(growth * n, max(pole_limit, n), float(most_poles))
 
 
-def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> SplinePatch:
-    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
+def patch_through(
+    uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
+) -> tuple[SplinePatch, Floats]:
+    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
 
     weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
     """
-    return _through(uv, Q, weight, count, smoothing)[0]
-
-
-def _through(
-    uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
-) -> tuple[SplinePatch, Floats]:
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -308,12 +303,8 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-MOST_DIVISIONS = 2
-"""Most divisions of a coarse mesh for a fit, by points on cubics between the vertices. The shape between vertices of a
-coarse mesh is unknown, but both charts at a seam must agree."""
-
-HALVED, FEWEST = 4, 12
-"""Largest number of divisions of a chart, and smallest number of vertices of a chart that is divided."""
+HALVED = 4
+"""Largest number of divisions of a chart."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
 """A chart is divided between its most opposite normals if the cosine of a normal's angle to the axis is smaller."""
@@ -371,10 +362,11 @@ class ChartAtlas:
         """
         # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
         useless = 3
+        fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
-            may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= FEWEST
+            may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= fewest
             halves = [(k, turn + 1), (self.fields.shape[1], turn + 1)]
             leaning = self._lean_field(k)
             if may and leaning is not None:
@@ -433,16 +425,17 @@ class ChartAtlas:
 
     def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         of_chord = 0.3  # the tolerance includes this share of the mesh's chord error
+        most_divisions = 2  # a coarse mesh is divided twice at most, because both charts at a seam must agree
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):
             near_faces = faces_at(F, corners_of(F, near_faces, self.surface.n))
-        for level in range(MOST_DIVISIONS + 1):
+        for level in range(most_divisions + 1):
             if level == len(self._levels):
                 self._levels.append(self._levels[-1].finer)
                 self._best.append(self._carry_to_level(level, self.fields).argmax(axis=1))
             points = points_of(self._levels[level], near_faces, self._best[level] == k)
-            if level < MOST_DIVISIONS and points.chord > self.tolerance:
+            if level < most_divisions and points.chord > self.tolerance:
                 continue
             tolerance = self.tolerance + of_chord * points.chord
             fit = fitted_surface(points.uv, points.Q, points.inside, points.weight, tolerance, first_poles, most_poles)

@@ -1,7 +1,7 @@
 """Edges of smooth solids as curves on both skins: walls of the pattern, and seams between charts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
 
@@ -69,12 +69,6 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
 LEVEL_FACTORS = (1.0, 0.2, 0.04)
 """Factors of the tolerance of a run: before, after one, and after two refusals."""
 
-SPACE_SHARE = 1 / 50
-"""Tolerance of curves on the skins, as a share of the thickness."""
-
-SAMPLE_FACTORS = (1, 4, 16)
-"""Factors of the number of samples on the skins; they are tried in turn until the curve is close enough."""
-
 
 @dataclass(frozen=True, eq=False)
 class SmoothEdge:
@@ -119,7 +113,8 @@ class EdgeTolerances:
 
     def in_space(self, run: OutlineRun, level: int) -> float:
         """Tolerance of the curves of a run in space."""
-        return LEVEL_FACTORS[level] * min(SPACE_SHARE * self.thickness, LOOP_SHARE * run.width)
+        share = 1 / 50  # of the thickness
+        return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
@@ -154,7 +149,7 @@ def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float
     A skin may wave along a simple plane curve; then more samples are taken.
     """
     results, todo = dict[int, Fitted](), list(range(len(parts)))
-    for finer in SAMPLE_FACTORS:
+    for finer in (1, 4, 16):  # factors of the number of samples
         x = [parameters(parts[i].flat, finer) for i in todo]
         flat = [parts[i].flat(places) for i, places in zip(todo, x, strict=True)]
         skin_points = by_chart([parts[i].asked.chart for i in todo], flat, lambda k, uv: nodes.charts[k].skins(uv))
@@ -170,9 +165,8 @@ def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeToleran
     curved_numbers = [i for i in range(len(requests)) if i not in results]
     samples = [even_samples(lines[i]) for i in curved_numbers]
     steep = [float(nodes.steep[requests[i].chart][requests[i].run.vertices].max()) for i in curved_numbers]
-    tolerances = [
-        allowed.outline(requests[i].run, s, requests[i].level) for i, s in zip(curved_numbers, steep, strict=True)
-    ]
+    curved = [requests[i] for i in curved_numbers]
+    tolerances = [allowed.outline(request.run, s, request.level) for request, s in zip(curved, steep, strict=True)]
     halves = dict[int, list[RunRequest]]()
     fits = splines_through(samples, tolerances)
     for i, (x, Q), tolerance, (flat, distance) in zip(curved_numbers, samples, tolerances, fits, strict=True):
@@ -189,11 +183,8 @@ def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeToleran
 def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]:
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     position = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
-    run = request.run
-    return [
-        request._replace(run=OutlineRun(v, run.beyond, run.width))
-        for v in (run.vertices[: position + 1], run.vertices[position:])
-    ]
+    halves = request.run.vertices[: position + 1], request.run.vertices[position:]
+    return [request._replace(run=replace(request.run, vertices=vertices)) for vertices in halves]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
@@ -232,10 +223,6 @@ def edge_on_nodes(
     return SmoothEdge(start, end, upper, lower, flat, distance + moved, wall)
 
 
-SEAM_SHARE = 1 / 1000
-"""Tolerance of a seam in each of its two charts, as a share of the thickness; the gap at a seam is up to twice as
-wide."""
-
 T = TypeVar("T")
 
 RunKey = tuple[int, int, int, int]
@@ -247,14 +234,11 @@ def seam_edges(
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
     of_edge = 0.05  # tolerance in space as a share of the mesh's edges; the place of a seam need not be exact
-    runs, charts = (
-        [request.run for request in requests],
-        [k for request in requests for k in (request.chart, request.run.beyond)],
-    )
-    tight = [LEVEL_FACTORS[request.level] * SEAM_SHARE * allowed.thickness for request in requests]
-    middle = _in_space(
-        [sheet.V[run.vertices] for run in runs], [LEVEL_FACTORS[request.level] * of_edge for request in requests]
-    )
+    of_thickness = 1 / 1000  # tolerance in both charts as a share of the thickness; the gap is up to twice as wide
+    runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
+    charts = [k for request in requests for k in (request.chart, request.run.beyond)]
+    tight = [factor * of_thickness * allowed.thickness for factor in factors]
+    middle = _in_space([sheet.V[run.vertices] for run in runs], [factor * of_edge for factor in factors])
     x = [parameters(curve) for curve in middle]
     points = _for_both_charts([curve(places) for curve, places in zip(middle, x, strict=True)])
     uv = by_chart(charts, points, lambda k, P: nodes.charts[k].middle.nearest(P, nodes.charts[k].projected(P)))
@@ -265,19 +249,12 @@ def seam_edges(
     x = [np.unique(np.concatenate([parameters(curve) for curve in pair])) for pair in flat]
     chart_points = [curve(places) for pair, places in zip(flat, x, strict=True) for curve in pair]
     sides = _pairs(by_chart(charts, chart_points, lambda k, uv: nodes.charts[k].skins(uv)))
-    fits = splines_through(
-        [(places, (request + other_side) / 2) for places, (request, other_side) in zip(x, sides, strict=True)],
-        tight,
-        parts=2,
-    )
-    gaps = [
-        distance + _largest_distance(request, other_side)
-        for (_, distance), (request, other_side) in zip(fits, sides, strict=True)
-    ]
+    fits = splines_through(list(zip(x, [(a + b) / 2 for a, b in sides], strict=True)), tight, parts=2)
+    gaps = [float(np.linalg.norm((a - b).reshape(-1, 2, 3), axis=2).max()) for a, b in sides]
     ways = [dict(zip(chart_pair, pair, strict=True)) for chart_pair, pair in zip(_pairs(charts), flat, strict=True)]
     return [
-        edge_on_nodes(run, space, by_chart_curves, gap, nodes, wall=False)
-        for run, (space, _), by_chart_curves, gap in zip(runs, fits, ways, gaps, strict=True)
+        edge_on_nodes(run, space, curves, distance + gap, nodes, wall=False)
+        for run, (space, distance), curves, gap in zip(runs, fits, ways, gaps, strict=True)
     ]
 
 
@@ -287,10 +264,6 @@ def _for_both_charts(values: list[T]) -> list[T]:
 
 def _pairs(values: list[T]) -> list[tuple[T, T]]:
     return list(zip(values[::2], values[1::2], strict=True))
-
-
-def _largest_distance(points_a: Floats, points_b: Floats) -> float:
-    return float(np.linalg.norm((points_a - points_b).reshape(-1, 2, 3), axis=2).max())
 
 
 def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:

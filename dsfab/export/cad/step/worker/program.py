@@ -41,18 +41,11 @@ def _sample(path: str) -> dict[str, Any]:
     return sample(Path(path))
 
 
-def _pieces(path: str, folder: str = "", deflection: str = "0") -> dict[str, Any]:
+def _pieces(path: str, folder: str = "", deflection: str = "0", together: str = "") -> dict[str, Any]:
     from dsfab.export.cad.step.worker.forks import CAN_FORK
-    from dsfab.export.cad.step.worker.pieces import solid_findings
+    from dsfab.export.cad.step.worker.pieces import solid_findings, whole_findings
 
-    return {"solids": solid_findings(path, folder, float(deflection), CAN_FORK)}
-
-
-def _whole(path: str, folder: str, deflection: str) -> dict[str, Any]:
-    from dsfab.export.cad.step.worker.forks import CAN_FORK
-    from dsfab.export.cad.step.worker.pieces import whole_findings
-
-    return {"solids": whole_findings(path, folder, float(deflection), CAN_FORK)}
+    return {"solids": (whole_findings if together else solid_findings)(path, folder, float(deflection), CAN_FORK)}
 
 
 COMMANDS: dict[str, Callable[..., Any]] = {
@@ -61,7 +54,6 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "use": _use,
     "sample": _sample,
     "pieces": _pieces,
-    "whole": _whole,
 }
 
 

@@ -147,7 +147,7 @@ def _records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    program.send("whole" if look else "pieces", path, folder, str(deflection))
+    program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
     return list(json.loads(line)["solids"])

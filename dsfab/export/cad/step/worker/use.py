@@ -94,8 +94,7 @@ def sample(path: Path) -> dict[str, Any]:
 
 def _volume(shape: Any) -> float:
     # The adaptive rule was off by 4e-3 on a plate with 67 holes, which then seemed to lose volume at every cut.
-    accuracy = 1e-6
-    return gauss_kronrod_volume(shape, accuracy)
+    return gauss_kronrod_volume(shape, accuracy=1e-6)
 
 
 def _plain_volume(shape: Any) -> float:
@@ -136,9 +135,9 @@ def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
-    return VolumeErrors(
-        alone, abs(_volume(compound(halves)) / whole_volume - 1) if TOGETHER_LIMIT < alone <= ALONE_LIMIT else alone
-    )
+    if not TOGETHER_LIMIT < alone <= ALONE_LIMIT:
+        return VolumeErrors(alone, alone)
+    return VolumeErrors(alone, abs(_volume(compound(halves)) / whole_volume - 1))
 
 
 def _cuts(shape: Any, box: list[float], whole_volume: float, cuts: int, every_cut: bool) -> Iterator[VolumeErrors]:
@@ -186,31 +185,22 @@ def _split(shape: Any, tool: Any) -> list[Any]:
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
-    shape_list, within, none, shape_and_tool = (List_TopoDS_Shape() for _ in range(4))
-    shape_list.Append(shape)
-    within.Append(tool)
-    shape_and_tool.Append(shape)
-    shape_and_tool.Append(tool)
+    only_shape, only_tool, none, all_shapes = (List_TopoDS_Shape() for _ in range(4))
+    for shape_list, item in ((only_shape, shape), (only_tool, tool), (all_shapes, shape), (all_shapes, tool)):
+        shape_list.Append(item)
     cells = BOPAlgo_CellsBuilder()
-    cells.SetArguments(shape_and_tool)
+    cells.SetArguments(all_shapes)
     cells.SetNonDestructive(True)
     cells.SetToFillHistory(False)
     cells.Perform()
     if cells.HasErrors():
         return []
     parts = []
-    for take, avoid in ((shape_and_tool, none), (shape_list, within)):
+    for take, avoid in ((all_shapes, none), (only_shape, only_tool)):
         cells.RemoveAllFromResult()
         cells.AddToResult(take, avoid)
         parts.append(cells.Shape())
     return parts if all(map(is_valid, parts)) else []
-
-
-def _largest_nearest_distance(points: Any) -> float:
-    from scipy.spatial import cKDTree
-
-    away: Any = cKDTree(points).query(points, k=2)[0]
-    return float(away[:, 1].max())
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
@@ -218,6 +208,7 @@ def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> b
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
+    from scipy.spatial import cKDTree
 
     section = BRepAlgoAPI_Section(shape, _plane(box, plane)[0])
     if not section.IsDone():
@@ -227,7 +218,7 @@ def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> b
         for vertex in parts(edge, "VERTEX"):
             point = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([point.X(), point.Y(), point.Z()])
-    return bool(ends) and _largest_nearest_distance(ends) <= meet
+    return bool(ends) and bool((cKDTree(ends).query(ends, k=2)[0][:, 1] <= meet).all())
 
 
 def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
@@ -283,11 +274,7 @@ def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
         if len(adjacent) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
             straight.append((edge, length, adjacent))
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
-    sharp = [
-        candidate
-        for candidate in straight
-        if _turn(candidate[0], candidate[2]) >= SHARP and _ends_at_corners(candidate[0], edges)
-    ]
+    sharp = [x for x in straight if _turn(x[0], x[2]) >= SHARP and _ends_at_corners(x[0], edges)]
     usual = Counter(round(length, 1) for _, length, _ in sharp).most_common(1)
     return [(edge, length) for edge, length, _ in sharp if abs(length / usual[0][0] - 1) < 0.1]
 
@@ -301,10 +288,8 @@ def _ends_at_corners(edge: Any, edges: Any) -> bool:
 
     for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
         neighbours = (TopoDS.Edge(neighbour) for neighbour in edges.FindFromKey(vertex) if not neighbour.IsSame(edge))
-        direction, *directions = (
-            BRepAdaptor_Curve(end_edge).DN(BRep_Tool.Parameter_s(vertex, end_edge), 1)
-            for end_edge in (edge, *neighbours)
-        )
+        around = (edge, *neighbours)
+        direction, *directions = (BRepAdaptor_Curve(x).DN(BRep_Tool.Parameter_s(vertex, x), 1) for x in around)
         if any(abs(direction.Dot(w)) > SMOOTH * direction.Magnitude() * w.Magnitude() for w in directions):
             return False
     return True

@@ -99,9 +99,8 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
         return None
     forward = edge.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
     knots = [curve.Knot(i) for i in range(1, curve.NbKnots() + 1) for _ in range(curve.Multiplicity(i))]
-    poles = [
-        (p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))
-    ]  # OCCT's own list takes six times as long
+    # OCCT's own list of poles takes six times as long
+    poles = [(p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))]
     return PlaneSpline(curve.Degree(), knots, poles, 1 if forward else -1)
 
 
