@@ -44,8 +44,8 @@ MESH = "sheet"
 """Layer of the mesh."""
 
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: properties of the file, and its history. If a code has the bit `_SHORT`, a value replaces the
-length."""
+"""Codes of parts of the file: its properties, and its history. If a code has the bit `_SHORT`, a value stands in
+                            place of the part's length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
@@ -57,7 +57,7 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the archive without times, from memory because a direct write would store the name of the file too."""
+    """Yield the archive without times, from memory because a direct write would also store the name of the file."""
     model = empty_model()
     ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
@@ -98,7 +98,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that makes a UUID from a name; other arrays give other ids, so two designs can share a
+    """Return a function that makes a UUID from a name. Other arrays give other UUIDs, so two designs can share a
     model."""
     digest = hashlib.sha256()
     for array in arrays:
@@ -117,10 +117,11 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace both times in the history of an archive by `_TIME` and correct its checksum.
+    """Replace both times in the history of an archive by `_TIME` and correct its checksum; raises ExportError for other
+    archives.
 
-    The history holds a byte of version, the author and time of creation, those of the last change, a count, and a
-    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for other archives.
+    The history holds a byte of version, author and time of the creation and of the last change, a count, and a CRC-32.
+    An author is a count of letters (4 bytes) and these letters.
     """
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
@@ -139,7 +140,8 @@ def without_times(data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
-    """Return start and end of the content of the first chunk with a code, searched between `start` and `end`."""
+    """Return start and end of the content of the first part with a code, between `start` and `end`; None without
+    such a part."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
@@ -204,8 +206,7 @@ def _attributes(name: str, layer: int, identity: uuid.UUID) -> Any:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm, the only reader. Raises ExportError unless all objects are valid and complete,
-    in mm."""
+    """Read the file back with rhino3dm. Raises ExportError unless all objects are valid and complete, in mm."""
     import rhino3dm
 
     kinds, items = rhino3dm.ObjectType, _objects(part, path, ".dxf and .stl instead")
@@ -279,8 +280,8 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless each member, axis and node is valid and has its name,
-    in mm."""
+    """Read the file back with rhino3dm. Raises ExportError unless each member, axis and node is valid and has its
+    name."""
     import rhino3dm
 
     kinds, items = rhino3dm.ObjectType, _objects(part, path, ".members.dxf instead")
@@ -308,8 +309,7 @@ def polyline_json(points: Floats) -> str:
 
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
-    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON. A quad is split along its shorter
-    diagonal.
+    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; a shorter diagonal divides each quad.
 
     Raises ExportError if the text holds no mesh.
     """

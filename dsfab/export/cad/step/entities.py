@@ -21,10 +21,10 @@ COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
 DIGITS = 6
-"""Decimals (of millimetres) of curve coordinates, and of the vertices in which coplanar triangles are searched."""
+"""Decimals (of millimetres) of curve coordinates, and of the vertices among which coplanar triangles are searched."""
 
 DIRECTION_DIGITS = 11
-"""Decimals of directions; the rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
+"""Decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
 
 FIRST_FREE = 19
 """First free entity number after the header of the file."""
@@ -38,7 +38,7 @@ KnotText = tuple[str, str]
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
-    """Return the name of each piece: `dome` for a single piece, or `dome 1`, `dome 2` ..."""
+    """Return the name of a piece: `dome` for a single piece, or `dome 1`, `dome 2` ..."""
     return one_line(name) if pieces == 1 else f"{one_line(name)} {i + 1}"
 
 
@@ -46,7 +46,7 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
     """Yield solids, products, colours and the end of the file, numbered from `free`.
 
     shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
-    The header holds the product of the first piece; all other pieces get their own.
+    The header holds the product of the first piece; each other piece gets a product here.
     """
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
@@ -77,7 +77,7 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : return the number of an equal entity if there is one."""
+        """Add an entity and return its number. shared : return the number of an equal entity if the file has one."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
@@ -129,7 +129,7 @@ class StepEntities:
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
         """Add a spline curve through numbered poles.
 
-        Edges of spline faces use splines for lines too, because a polyline needs three points there (ISO 10303-511,
+        A line is also a spline at spline faces, because a polyline needs three points there (ISO 10303-511,
         advanced_face).
         """
         return self.add(
@@ -228,7 +228,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with one outer shell and voids. The shells of voids face outwards, so their entities reverse them."""
+    """Add a solid with one outer shell and voids. Shells of voids face outwards, so their entities reverse them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -278,7 +278,8 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 
 
 def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    """Return the planar faces of a part, and the shells of each solid. A void's shell faces outwards, as STEP wants."""
+    """Return the planar faces of a part, and the shells of each solid. A void's shell faces outwards, as STEP
+    requires."""
     shell, solids = solids_of(part)
     inward = np.isin(shell, [i for _, *inner in solids for i in inner])
     return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
@@ -388,7 +389,7 @@ def _blocks(counts: list[int], begin: int) -> list[range]:
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row, without zeros at the end of decimals because these fill a quarter of the file."""
+    """Yield one entity per row, without zeros at the end of decimals because these zeros fill a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 

@@ -39,17 +39,18 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back, several times the measured time; OCCT's check of very long outlines may never finish."""
+"""Limits of the time for reading back: a constant part, and seconds per face. Both are several times the measured
+time; OCCT's check of very long outlines may never finish."""
 
 LIGHT = 8.0
-"""Size in megabytes below which a faceted file is better than a smooth file that OCCT cannot cut."""
+"""Size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
 
-    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError if it has too many
-    faces; raises BudgetError later if the file becomes too large.
+    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
+    Raises BudgetError later if the file becomes too large.
     """
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
@@ -91,7 +92,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Functions of each strategy; they return the number of faces that count, the approximate bytes, and the text."""
+"""Functions of each strategy; each returns the number of faces that count, the approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
@@ -107,8 +108,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
 
-    The exporter has already measured files by members and smooth files, so here the disk must hold the same bytes. If
-    a smooth file was cut on trial, its triangles by OCCT must also bound a solid.
+    The exporter has already measured files by members and smooth files, so the file must hold the same bytes. If a
+    smooth file was cut on trial, its triangles by OCCT must also bound a solid.
     """
     if part.step == "members":
         file = member_file(part)

@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3
-"""Distance (mm) within which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
+"""Distance (mm) up to which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
 
 WIDTH_SHARE = 0.1
 """Largest tolerance of a loop, as a share of its area over its length, so that slits and dots keep their shape."""

@@ -37,8 +37,8 @@ from dsfab.surface import CREASE, edge_table
 class Facet:
     """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
 
-    origin : (2, 3) a point of each plane.     axes : (2, 3, 3) unit vectors, right-handed, the last one upwards,
-             across."""
+    origin : (2, 3) a point of each plane.
+    axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and its normal upwards."""
 
     origin: Floats
     axes: Floats
@@ -171,7 +171,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and vertices where this fails.
+    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
 
     The corners of a facet with a single face define its plane, so they do not move.
     """
@@ -229,7 +229,7 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
 
-    Raises ExportError unless there is exactly one outer loop.
+    Raises ExportError unless the region has exactly one outer loop.
     """
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
@@ -268,8 +268,8 @@ def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
 
 
 class PlanarFile(NamedTuple):
-    """Text of a planar file with its number of faces, largest distance from the mesh (mm), and number of facets (1
-    if flat)."""
+    """Text of a planar file, number of its faces, largest distance from the mesh (mm), and number of facets (1 if
+    flat)."""
 
     faces: int
     texts: list[str]
@@ -289,10 +289,9 @@ def planar_file(part: Part) -> PlanarFile:
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
-        # More digits keep edges on inclined planes within 1e-7 mm, OCCT's least tolerance. With a larger one a fillet
-        # that shortens an edge fails.
-        extra_digits = 2
-        self.new, self.shape, self.sheet = StepEntities(extra_digits=extra_digits), shape, shape.sheet
+        # With two more digits, edges on inclined planes are exact to 1e-7 mm, OCCT's smallest tolerance. With a larger
+        # tolerance a fillet that shortens an edge fails.
+        self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 
     def region(self, region: ChartRegion) -> list[int]:
@@ -326,8 +325,7 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
-        """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges run
-        to the right."""
+        """Add the faces of a run of walls; return both edges of each wall, and the faces."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))

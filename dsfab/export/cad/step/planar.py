@@ -19,8 +19,8 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     tolerance : largest distance of vertices from a joined plane, millimetres.
 
     Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
-    lower than FLATNESS has no plane. It joins only the neighbour across its longest edge, because it could bridge an
-    edge of the solid. Small turns could add up, so a region with a vertex off its mean plane is divided again.
+    lower than FLATNESS has no plane, and could bridge an edge of the solid. So it joins only the neighbour across its
+    longest edge. Small turns add up, so a region with a vertex off its mean plane is divided again.
     """
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -268,8 +268,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step, the starts of the loops, and the edge, ends (e, 2) and direction of each
-    step.
+    """Return the first vertex of each step, the starts of loops, and the edge, ends (e, 2) and direction of each step.
 
     The faces on both sides identify a long edge by its mesh edge with the smallest number.
     """

@@ -40,7 +40,7 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """Return OCCT's triangles with points at the same place merged."""
+    """Return OCCT's triangles after points at the same place were merged."""
     same_place = 1e-9  # share of the size; OCCT triangulates each face alone, so equal points differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
@@ -73,7 +73,7 @@ def curved_soundness(
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """Return the reason why a STEP file is not a solid, drawn with a deflection in metres; "" for a solid.
+    """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
 
     Raises ExportError if OCCT cannot read the file or takes too long.
     """
@@ -119,8 +119,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return whether fine triangles are an oriented manifold with the Euler number of the coarse triangles of the same
-    faces.
+    """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
 
     A face that OCCT omits or fails to join changes that number.
     """
@@ -135,7 +134,8 @@ def _euler(F: Ints) -> int:
 
 
 MOST_FACES = 2000
-"""Most faces of a file that is cut on trial without a request: the cut takes 4 s, or 10 to 15 s with the STEP text."""
+"""Largest number of faces of a file that is cut on trial without a request: the cut takes 4 s, and 10 to 15 s with
+the reading of the STEP text."""
 
 
 @dataclass(frozen=True)
@@ -157,7 +157,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut a file once on trial. The input is STEP text, or OCCT's binary shape with the suffix `.bin`."""
+    """Cut a file once on trial: a STEP text, or OCCT's binary shape with the suffix `.bin`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -167,7 +167,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
     """Return the fault of the halves of a trial cut ("" if none), and the box of the whole: six numbers in mm, or
-    None."""
+    none."""
     seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)
@@ -180,7 +180,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return the report of OCCT's trials about a file; raises the same errors as `last_line`."""
+    """Return the report of OCCT's trials of a file; raises the same errors as `last_line`."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 

@@ -34,13 +34,13 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 QUICK_FACTOR = 3
-"""Factor of the walls and layouts that `quick` tries to make smooth, because it gets no second chance. A seam close to
-an opening can make OCCT refuse a face; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces four
-failed in the first layout; three of them were sound in the second and one in the third."""
+"""Factor of the walls and layouts that `quick` tries to make smooth, because `quick` gets no second chance. OCCT may
+refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces
+four failed in the first layout; three of these passed in the second and one in the third."""
 
 MEMBER_FACES_FACTOR = 2
-"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth, which
-CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
+"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth,
+and CAD programs fail to cut smooth files: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:
@@ -48,7 +48,7 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of short edges merge; the other points keep all decimals
+    V[short] = coarse[short]  # the ends of short edges merge; all other points keep their decimals
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -63,7 +63,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     """Yield the part with each strategy in turn, the best first, or a BudgetError for a strategy that exceeds the
     budget.
 
-    A solid is simplified before faceting if the user gave a tolerance, otherwise only if all other strategies fail.
+    A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail.
     """
     tighter = 1 / 4  # curves may cross in a narrow place, so a second planar file has this share of the tolerance
     flat, chosen = 0.0, part.step in ("auto", "quick")
@@ -97,7 +97,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return whether to try members without a request: the sheet has stripes, and `quick` needs an open sheet.
+    """Return True if members are worth a try without a request: the sheet has stripes, and for `quick` it is open.
 
     A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid.
     """
@@ -106,7 +106,6 @@ def _worth_members(part: Part) -> bool:
 
 
 def _striped_sheet(part: Part) -> Curved | None:
-    """Return the sheet of a part if its stripes are known."""
     try:
         curved = part.curved() if part.curved else None
     except ExportError:
@@ -117,7 +116,7 @@ def _striped_sheet(part: Part) -> Curved | None:
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
 
-    members : the part with the strategy members; slow attempts use it.
+    members : the part with the strategy members for slow attempts, or None.
     quick   : stop if the first simplification is far over the limit.
     """
     far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
@@ -208,7 +207,8 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for users who cut the file: members instead of smooth, unless members was refused."""
+    """Recommend a strategy to users who cut the file: members, unless members was refused or the stripes are
+    unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -240,7 +240,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error if all strategies were refused; it has the cost of each strategy if the files would be too
+    """Return the error for a part that all strategies refused, with the cost of each strategy if files would be too
     large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:

@@ -15,7 +15,8 @@ from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
 MOST_CELLS = 2
-"""Largest number of patches in a compact region. A region that needs more, such as a round crossing, is trimmed."""
+"""Largest number of patches in a compact region; a compact region that needs more, such as a round crossing, is
+trimmed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +53,7 @@ class NetModel:
 
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True if the model has a seam; the outer skin on one side of a seam is the inner skin on the other side.
+    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin.
     """
 
     vertices: list[Floats] = field(default_factory=list)
@@ -69,8 +70,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes, which are equal for equal curves with different edge
-        numbers."""
+        """Return the poles along loops of edges as bytes: equal for equal curves, whatever the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -225,7 +225,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline over mean width is 8 for a square, 9 for two squares, 10.7 for a row of three
+    limit = 10.0  # the outline is 8 times the mean width for a square, 9 times for two squares, 10.7 times for three
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
@@ -233,10 +233,10 @@ def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
 
 @dataclass(frozen=True)
 class FilledCorner:
-    """Corner with less than half a turn of void, where one seam ends.
-    seam, end : edge of the seam, and the end at the corner: 0 for the first, 1 for the last.
+    """Corner that a fillet fills with material, and where one seam ends.
+    seam, end : edge of the seam, and its end at the corner: 0 for the first, 1 for the last.
     half      : tangent of half the turn.    beside : edges of the walls before and after the corner.
-    straight  : the edge that the seam continues, or None."""
+    straight  : edge of a wall that the seam continues, or None."""
 
     vertex: int
     seam: int
@@ -252,8 +252,7 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills and where exactly one seam ends; empty for a model on a one-sided
-    surface."""
+    """Return the corners that a fillet fills and where exactly one seam ends; none for a one-sided surface."""
     straight_cosine = np.cos(0.01)  # within 0.01 radians OCCT (8.0) treats a seam as the continuation of a wall's edge
     if model.seam:
         return []
@@ -287,8 +286,7 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the turn at a corner, which is a fillet's length over its radius; 0 for a smooth
-    corner."""
+    """Return the tangent of half the turn at a corner, a fillet's length over its radius; 0 for a smooth corner."""
     smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 

@@ -1,4 +1,4 @@
-"""Sides of four-sided regions: their corners, the chains that become one line, and divisions of opposite sides."""
+"""Sides of four-sided regions: corners, chains that become one line, and divisions of opposite sides."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein
 
 REACH_SHARE = 3 / 4
-"""Largest distance along a chain where its direction is measured, as a share of the thickness."""
+"""Distance along a chain within which its direction is measured, as a share of the thickness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) ends of parts as shares of the side's
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) ends of the parts as shares of the
     length."""
 
     parts: list[LinePart]
@@ -101,7 +101,7 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations are points that divide opposite sides of regions alike. stops : divisions of each line."""
+    """Stations: points that divide opposite sides of regions alike. stops : divisions of each line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -163,7 +163,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a new station moves to a division nearer than this share of the distance between stations
+        snap_share = 0.15  # a new station moves to a division within this share of the gap between stations
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -178,9 +178,9 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the positions at which two opposite sides need stations; return the pairs of ascending shares (k,).
+    """Pair the positions at which two opposite sides need stations; return the pairs as ascending shares (k,).
     Near shares form a pair. If both sides have equally many shares and none differ by much, all form pairs. A share
-    without a partner gets a partner by interpolation between its neighbours."""
+    without a partner gets one by interpolation between its neighbours."""
     tolerance = 0.1  # paired stations differ by at most this share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -201,8 +201,9 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Share of the mesh's chord error in the tolerance, a quarter of the share for walls of smooth solids. Skins of a
-coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
+"""Share of the mesh's chord error in the tolerance of lines, a quarter of the share for walls of smooth solids.
+Skins of a coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are
+allowed."""
 
 
 class LineFits:
@@ -222,7 +223,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit the lines of a net. A line has at most as many spans as the separate fits of its chains."""
+        """Fit the lines of a net. A line has at most as many spans as separate fits of its chains."""
         turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -236,7 +237,7 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(accepted)))
-        # arcs come last, because they bulge away from the material between an opening's sides
+        # arcs come last, because an arc bulges away from the material between the sides of an opening
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
@@ -252,14 +253,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return for each line True if it is one chain, or is near its chains with fewer spans than separate fits."""
+        """Return True for each line of one chain, or near its chains and with fewer spans than separate fits."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # chain ends are at least this share of a span from breaks
+        least_distance = 0.1  # ends of chains are at least this share of a span away from breaks
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -277,8 +278,7 @@ class LineFits:
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
         """Halve the cubics that would leave the skins between the places where cubics are moved onto the skins.
-        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed, with the skin 0.8 mm off that
-        point."""
+        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -293,8 +293,8 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance of each chain, mm: a share of the allowed distance and of the chord error, less at narrow
-    openings."""
+    """Return the tolerance (mm) of each chain: a share of the allowed distance and of the chord error; less at
+    narrow openings."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -321,7 +321,7 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 Turn = Callable[[ChainEnd, ChainEnd], float]
-"""Function that returns the angle (degrees) by which a line turns from one end of a chain to the end of the next."""
+"""Function that returns the turn (degrees) of a line from one end of a chain to the end of the next chain."""
 
 
 def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
@@ -331,7 +331,7 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of chains that form one line: inside a side of a region, and along outlines that only continue.
+    """Pair the ends of chains that form one line: inside a side of a region, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
     smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()

@@ -1,4 +1,4 @@
-"""Bezier patches of four-sided regions (Coons surfaces), surfaces as heights over a plane, and distances from the
+"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and distances from the
 mesh."""
 
 from collections.abc import Callable, Sequence
@@ -15,13 +15,13 @@ from dsfab.export.splines import bernstein
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    The poles lie evenly over a parallelogram in the plane of the first two axes."""
+    Seen along the third axis, the poles lie evenly in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """(k, (degree + 1)^2) Bernstein products at parameters (k, 2) in the unit square."""
+    """(k, (degree + 1)^2) products of Bernstein polynomials at parameters (k, 2) in the unit square."""
     products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(products.reshape(len(uv), -1))
 
@@ -74,8 +74,8 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of inner points, also if the gap is wider but small enough to split edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3) that returns by how much they exceed the allowed distance from the mesh
-                  (k,), or None.
+    beyond_mesh : function of points (k, 3) that returns their excess (k,) over the allowed distance from the mesh, or
+                  None.
     """
 
     gap: float
@@ -89,7 +89,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return how far surfaces inside outlines (., 3) exceed the allowed distance from the mesh at most, or -inf."""
+    """Return the largest excess of surfaces, inside outlines (., 3), over the allowed distance from the mesh; -inf
+    without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -164,8 +165,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return for patches (..., 4, 4, 3) the least ratio of normal components along the mean normal to the largest
-    one."""
+    """Return for patches (..., 4, 4, 3) the smallest over the largest normal component along the mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
@@ -177,7 +177,7 @@ def least_jacobian(P: Floats) -> float:
 
 class PatchBuilder:
     """Builder of patches, with a cache by region and curves, because each change of a net affects few regions.
-    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits the distance of their middles.
+    away : function of points (k, 6); returns the vectors to both skins.    limits : of patches, at their middles too.
     """
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -216,12 +216,11 @@ def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]
 
 
 def _starts(parts: Sequence[Floats]) -> Ints:
-    """Return the index (k,) of the first row of each part in their concatenation."""
     return np.cumsum([0, *map(len, parts)])[:-1]
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
+    """(k,) excess of patches over the allowed distance from the mesh; -inf without a limit.
     A patch beside a crease met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)

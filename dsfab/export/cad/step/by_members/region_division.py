@@ -1,4 +1,4 @@
-"""Division of regions into members: the ends of long members are cut off, and regions with strong bends get a seam."""
+"""Division of regions: the ends of long members are cut off, and regions with strong bends get a seam."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -61,8 +61,8 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return the positions of two long walls in a region's only loop, or None. The walls must not be adjacent."""
-    long = 1.5  # both walls of a member are at least 1.5 times as long as their distance
+    """Return the positions of two long walls, not adjacent, in a region's only loop; None without such walls."""
+    long = 1.5  # both walls of a member are at least 1.5 times as long as the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
@@ -76,7 +76,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or a piece on the wrong
+    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or lies on the wrong
     side."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
@@ -95,14 +95,14 @@ def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between the mean normal of a region and its normals. Trimmed faces need only 0.35, but with 0.35 a
-few faces were 2 mm off their edges."""
+"""Smallest cosine between the normals of a region and their mean. Trimmed faces need only 0.35, but with 0.35 a few
+faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide each region that bends too much, if it has one outline and nodes. The first points of the net are the
+    """Divide each region that bends too much, if it has one outline with nodes. The net's first points are the
     sheet's."""
-    most_seams = 200  # one sheet gets at most 200 seams
+    most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
     todo = {r: x for r, x in bends.items() if x < LEAST_COSINE and not _is_member(work, r, lifting, limits)}
@@ -125,8 +125,6 @@ def _is_member(work: "_BendSeams", region: int, lifting: Lifting, limits: Smooth
 
 
 class _BendSeams:
-    """Net with regions that are divided one after another by seams."""
-
     def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, wall_distance: float) -> None:
         self.near = wall_distance
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
@@ -151,8 +149,7 @@ class _BendSeams:
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Return the spread of the normals of cells: the sum of the cells' areas minus the length of their area
-        vector."""
+        """Return the sum of the areas of cells minus the length of their area vector; 0 for a flat region."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
@@ -164,8 +161,8 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # at most this share of the bend may remain after a seam, including the seam's cost
-        seam_cost = 0.1  # a seam as long as the root of the area costs 0.1, and the whole bend of the region costs 1
+        most_left = 0.8  # the cost of the rest of the bend and of the seam must be below 0.8; the whole bend costs 1
+        seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
@@ -200,7 +197,7 @@ class _BendSeams:
         return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
 
     def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
-        """Divide a region along a path; return the number of the new region with the cells on the right of the path."""
+        """Divide a region along a path; return the number of the new region, on the right of the path."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
         loop, added_region, first_chain = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
@@ -246,7 +243,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
 
 
 def _on_the_right(F: Ints, path: Ints) -> Bools:
-    """Return (m,) True for cells that are connected to the right side of a path along their edges."""
+    """Return (m,) True for cells that are connected to the right side of a path."""
     _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)

@@ -17,10 +17,10 @@ CORNER_COSINE = np.cos(np.deg2rad(40.0))
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
-round corners. Where a coarse mesh bends, the outline turns in space with the mesh but is straight in this view."""
+round corners. Where a coarse mesh bends, an outline turns in space with the mesh but is straight in this view."""
 
 VOID = -1
-"""Number of the space beyond an outline, in place of a region."""
+"""Number in place of a region, for the space beyond an outline."""
 
 ChainLoop = list[tuple[int, bool]]
 """Chains in order; True means that the loop runs along the chain, False against it."""
@@ -37,7 +37,7 @@ class Chain:
     right: int
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with another region on its left as seen along (`ahead`) or against its direction."""
+        """Return the chain with another region on the left of a walk along (`ahead`) or against the chain."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
@@ -71,8 +71,8 @@ class ChainNet:
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells for points with weights whether lines between them lie on a crease.
-See `CreaseSides.lines_on_creases`."""
+"""Function that tells for points with weights whether lines between them lie on a crease, see
+`CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -96,8 +96,7 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the chain of the outline that ends at a node and the chain that begins there; None unless both are
-    unique."""
+    """Return the outline's chain that ends at a node and its chain that begins there; None unless both are unique."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -115,9 +114,9 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the connected region (m,) of each cell, with one label for each region, and the loose regions.
+    """Return the connected region (m,) of each cell, and the loose regions.
     apart : (i,) True for pairs of neighbours with a crease between them."""
-    sliver = 1 / 4  # a region joins the neighbour with the longest border if its root area is below thickness / 4
+    sliver = 1 / 4  # a region joins a neighbour if the root of its area is below this share of the thickness
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -247,8 +246,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join the outline chains inside round corners and straight walls. P and N (p, 3) are the net's points and
-    normals."""
+    """Join the outline chains inside round corners and straight walls. P, N : (p, 3) points and normals of the net."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -286,8 +284,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or begins or ends to be round
-    there."""
+    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or a round corner's end there."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -298,8 +295,8 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
-    Each such region joins the region beyond an inner chain. Otherwise one chain could cross or touch the other when it
-    is straightened, with no face between them."""
+    Each such region joins the region beyond an inner chain. Otherwise one chain could cross the other when it is
+    straightened, with no face between them."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
@@ -335,8 +332,8 @@ INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1
 """Barycentric points in each cell that hold a trimmed face near the skins; with the centre alone the face may wave."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
-waved by 6 mm between four points."""
+"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree
+9 waved by 6 mm between four points."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Trimmed faces and rims of openings that are moved onto their edges beside sharp corners, so that fillets succeed."""
+"""Trimmed faces and rims of openings, moved onto their edges beside sharp corners so that fillets succeed."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -94,23 +94,23 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
 
 
 FILLET_SHARE = 1 / 6
-"""Radius (over the thickness) of the largest fillet whose part of an edge lies exactly on the surface."""
+"""Radius over the thickness of the largest fillet whose part of an edge lies exactly on the surface."""
 
 INNER_SHARE = 6 / 7
 """Smallest radius on the inner skin, as a share of the outer radius. Around one opening the inner edge is a quarter
 shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
 
 TEST_PLACES = np.linspace(0, 1, 33)
-"""Parameters where the distance is measured and an edge may be cut."""
+"""Parameters where the distance of an edge from a surface is measured, and where the edge may be cut."""
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest accepted distance in mm; already with 5e-7 all corners of a dome take fillets."""
+"""Largest distance (mm) of a held edge from its surface. With 5e-7 all corners of a dome already take fillets."""
 
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
 """Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
 MOVED = 1 / 400
-"""Largest movement at the still places, as a share of the thickness."""
+"""Largest movement of the inside of a face, as a share of the thickness."""
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
@@ -174,7 +174,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares of an edge at which it is cut, beyond the fillets at its ends, which reach radius times
+    """Return the shares of an edge at which it is cut, beyond the fillets at its ends. Fillets reach radius times
     `halves`."""
     shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
@@ -213,10 +213,10 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through the first points, all points (k, 3); None if that fails.
-    The surface is within `FLUSH_TOLERANCE` of the second points and near the third points, which lie on edges. At the
+    The surface is within `FLUSH_TOLERANCE` of the second points, and near the third points, which lie on edges. At the
     fourth points, inside, it is within `largest_move` of the old surface."""
-    # The search ends if the excess after three degrees is larger. Of 502 faces that became flush in seven designs the
-    # worst had 10.3; without this limit hopeless faces took nine tenths of the time.
+    # If a residual after three degrees is above 20 times its limit, the search ends. The worst of 502 faces that became
+    # flush had 10.3 times; without this limit hopeless faces took nine tenths of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # half of 1e-7 mm, which OCCT ignores, because poles are rounded
@@ -248,7 +248,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the (k,) movement of pole heights that brings the surface onto the first points and near the third points.
+    """Return the movement (k,) of pole heights that brings the surface onto the first points and near the third points.
     rows : basis (., k) for each kind of points.    distances : from the surface to each kind of points."""
     held_weight, move_weight = (
         1e6,

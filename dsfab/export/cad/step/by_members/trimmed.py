@@ -1,4 +1,5 @@
-"""Trimmed faces for regions without four sides: a Bezier surface over the mean plane, with measured gaps."""
+"""Trimmed faces for regions without four sides: Bezier surfaces over the mean plane, with measured gaps at the
+edges."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -58,7 +59,8 @@ class FaceDomain:
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
         """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least; return
-        them (2, 2). Its corners count, at the heights of a quadratic surface through all points."""
+        these (2, 2).
+        The corners of the parallelogram count, at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -88,7 +90,7 @@ def _quadric(plane_points: Floats) -> Floats:
 
 
 def distance_outside(points: Floats, box: Floats) -> float:
-    """Largest distance of points (..., 3) outside of a box (2, 3)."""
+    """Largest distance of points (..., 3) outside of a box (2, 3); 0 inside."""
     return float(_outside(points, box).max(initial=0.0))
 
 
@@ -97,31 +99,30 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) up to which a cut may split an edge. A reader measures an edge's tolerance at 23 points; at the
-points of a half edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
+"""Widest gap (mm) at an edge that a cut can split. A reader measures an edge's tolerance at 23 points; at the points
+of half an edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points against 1 of inner points; the second is for gaps that stay open with the first. With 30 one
-cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm. In one face of a
-mesh of 1 m the gap stays 0.2 mm; there the second weight reduces the inner distance from 2.8 to 0.4 mm."""
+"""Weights of edge points against 1 of inner points; the second one is for gaps that stay open with the first. With
+30 one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; they hold poles far from all
-points. With the second weight, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
+"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; these weights hold poles
+far from all points. With the second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
 
 BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges, weights of second differences, and degrees; trials follow this order until the gap is narrow
+"""Weights of edges, weights of second differences, and degrees, in the order of trials until the gap is narrow
 enough."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials, in order, until edges can be split."""
+"""Further trials, in order, until a cut can split the edges."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles around a region that are tried."""
@@ -138,7 +139,7 @@ class TrimmedFace:
     """Faces of a region on both skins.
 
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
-    axes  : (3, 3) for each surface: its plane and the direction of its heights.
+    axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
     exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
     astray : excess over the allowed distance from the mesh; -inf without a limit.
@@ -192,7 +193,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return the points out of (k, 6) that lie inside closed lines (., 6) and on the same side of the sheet."""
+    """Return (k,) True for points (k, 6) inside closed lines (., 6) and on the same side of the sheet."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -249,8 +250,8 @@ def _surface(
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points.
 
-    ways : chords of the edges. Nothing holds a surface beside its outline, but programs draw boxes around poles. If
-    poles over a rectangle leave the box, the surface lies over the parallelogram along two chords that leaves it least.
+    ways : chords of the edges. CAD programs draw boxes around poles. If poles over a rectangle leave the box, the
+           surface lies over the parallelogram along two chords that leaves the box least.
     """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.around(points, edges, axes, np.eye(2))
@@ -265,9 +266,8 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Return poles of the best surface over a domain, and its distances from edges and inner points."""
-    # Poles of degree `BASE_DEGREE` may lie this multiple of `limits.off` above or below all points. Poles of a higher
-    # degree are nearer: they made OCCT's box of a dome 13 mm too high instead of 38 mm.
+    # Poles may lie this multiple of `limits.off` above or below all points. Poles of a higher degree are nearer: with
+    # them OCCT's box of a dome was 13 mm too high instead of 38 mm.
     high = 2.0
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
@@ -285,7 +285,7 @@ def _chords(model: NetModel, loop: ChainLoop) -> Floats:
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Return the (k,) distance in mm of a closed line (k, 6) from a surface near the line and near inner points (j, 6).
+    """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
     The result is the larger distance of both skins, and infinite if the points overlap in every plane."""
     return np.maximum(*misfits(points, line, degree))
 
@@ -348,8 +348,8 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Return poles (p + 1, p + 1) near heights z (k,), by weights and a basis A (k, (p + 1)^2), and near poles
-    `base`."""
+    """Return poles (p + 1, p + 1) near heights z (k,) and near poles `base`, by weights and a basis A (k, (p +
+    1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

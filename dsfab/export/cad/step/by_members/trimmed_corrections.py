@@ -34,8 +34,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If a limit of the
-    distance from the mesh exists, faces stay unchanged because the division judges them."""
+    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. With a limit of the
+             distance from the mesh, faces stay unchanged because the division judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -57,8 +57,8 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face (k, 6) points of the skins at samples farther off than `tolerance`; empty if there is
-    none."""
+    """Return for each face the points (k, 6) of the skins at its samples; none if all samples are within
+    `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -78,7 +78,7 @@ SAMPLES = 23
 """Number of points along an edge, ends included, at which OCCT measures the gap."""
 
 BETWEEN = 8
-"""Number of steps between two of OCCT's points; this module measures the gap at each step."""
+"""Number of steps between two of OCCT's points; the gap is measured at each step."""
 
 SLOPE_STEP = 1e-3
 """Distance (mm) of two points that determine the slope of a surface."""
@@ -86,7 +86,8 @@ SLOPE_STEP = 1e-3
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
     """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right. A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
+    right.
+    A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -150,7 +151,7 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Yield heights of poles after each round, with the number of misplaced peaks; gaps below `exact_gap` do not
+        """Yield heights of poles after each round, and the number of misplaced peaks; gaps below `exact_gap` do not
         move."""
         rounds = 6  # peaks move in at most 6 rounds
         peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; of edge points it is 1
@@ -205,7 +206,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest sampled gap may be less than the widest gap by this share; OCCT allows 1e-5
+        short = 3e-6  # the widest sampled gap may be smaller than the widest gap by this share; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         wrong = (sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
@@ -229,8 +230,7 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat
-    there."""
+    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

@@ -28,7 +28,7 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
 TRIED = 24
-"""Number of chords to try; half of them begin where the gap is widest."""
+"""Number of chords to try; half of these begin where the gap is widest."""
 
 POINTS = 8
 """Number of points of the outline along half an edge."""
@@ -36,7 +36,7 @@ POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region in halves of its edges. A place is the index of a half edge.
+    """Outline of a region, with its edges halved. A place is the index of a half edge.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -65,7 +65,7 @@ class HalvedOutline:
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, ascending, whose chord is clear inside the outline.
         Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
-        area cut off. Each group has at most `times * TRIED / 2` pairs."""
+        area that the chord cuts off. Each group has at most `times * TRIED / 2` pairs."""
         least_width = 1 / 20  # mean width over the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
@@ -89,7 +89,7 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # distance from the outline over distance from the nearer end: the sine of the angle there
+    clear = 0.3  # smallest distance from the outline over the distance from the nearer end of the chord
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -99,16 +99,17 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
 
 
 TRIAL_DEGREE = 6
-"""Degree of the surfaces that are built for trials."""
+"""Degree of the surfaces that are fitted to compare seams."""
 
 TIMES = 3
-"""If the seams of the first trial do not help enough, this factor times more seams are tried; then the best of all is
-taken. In one opening the first usable seam led to six parts of a few mm, two of degree 15, that crossed in OCCT's
+"""Largest factor of the number of seams to try. If the usual number does not help enough, more seams are tried, and
+the best of all is used. In one opening the first usable seam led to six parts of a few mm, and two crossed in OCCT's
 triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one face
-were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too; another face was 3.7 mm off inside for 0.8 allowed."""
+"""Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one
+face were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too; another face was 3.7 mm off inside for 0.8
+allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.
@@ -136,8 +137,8 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio to its limit: of gap, inner distance, distance of poles from the box, and of the
-    mesh."""
+    """Return the largest ratio of a measure to its limit: gap, inner distance, and distances of poles from the box
+    and of the face from the mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles add the deflection
@@ -154,8 +155,8 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). With a limit from the mesh, more seams are tried if a part is
-        still too far off."""
+        """Divide a face with inner points (k, 6). With a limit from the mesh, more seams are tried while a part is
+        too far off."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -184,8 +185,7 @@ class _FaceDivision:
         return steps
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face in two if both parts are better: by the first seam that makes them better, or by the best of
-        many."""
+        """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
         less = 0.9  # the worse part may have at most this share of the region's `allowance_used`
         loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
         best_seam: tuple[int, int, Floats] | None = None
@@ -212,7 +212,7 @@ class _FaceDivision:
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         full = 3  # faces are built for the best three seams
-        many = 2000  # trials use about so many points; regions over a foot have ten thousand
+        many = 2000  # trials use about 2000 points; the region over a foot has ten thousand
         at_gap = 4  # half of the tried seams begin at the four places nearest to the widest gap
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)

@@ -1,1 +1,2 @@
-"""Smooth skins of a sheet, which the smooth solids and the solids by members share."""
+"""Data that smooth solids and solids by members share: the plan of a solid, its outlines, and both skins with
+limits."""

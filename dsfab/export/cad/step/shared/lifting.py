@@ -1,4 +1,4 @@
-"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between the sides."""
+"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between both sides."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -14,8 +14,7 @@ from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0
-"""Smallest angle (degrees) between the faces at an edge of a crease. Another edge of the crease must bend by
-`CREASE`."""
+"""Smallest angle (degrees) between the faces at an edge of a crease. One edge of each crease must bend by `CREASE`."""
 
 BEND_RATIO = 4.0
 """Smallest ratio of the bend of a crease to the bend of the edges beside the crease."""
@@ -36,7 +35,7 @@ def crease_edges(surface: Surface) -> Bools:
     normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):  # the second round finds faces of two creases
+    for _ in range(2):  # the second round finds creases at faces with two sharp edges
         rest = np.where(crease | ~inner, 0.0, bend)
         sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) sharper of the two other edges
         around = np.zeros(len(bend))
@@ -56,7 +55,7 @@ def crease_edges(surface: Surface) -> Bools:
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for their edges.
 
-    A face where several creases meet has another sharp edge, so the comparison uses the flatter of its other edges.
+    A face where several creases meet has another sharp edge, so an edge is compared with the flatter of the two others.
     """
     edges = surface.edges
     around = np.zeros(len(bend))
@@ -118,8 +117,8 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Convert barycentric weights (k, n) to two arrays of weights on columns (k, s), one for each side of a
-        crease."""
+        """Return two arrays of weights on columns (k, s), one for each side of a crease, for barycentric weights (k,
+        n)."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -135,7 +134,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return the (j,) indices of points with weights (k, n) that lie half way between two faces beside a crease."""
+        """Return the indices (j,) of points with weights (k, n) half way between two faces beside a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -151,8 +150,8 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: two faces on an edge, twice the same face inside;
-        -1 if none."""
+        """Return (count, 2) faces with the vertices of each row: two on an edge, twice the same inside a face; -1 if
+        none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -191,7 +190,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two."""
+    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two vertices."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -219,7 +218,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    longest = 3.0  # a mitre longer than three times half the thickness becomes blunt
+    longest = 3.0  # a mitre is cut off at three times half the thickness
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v
@@ -246,7 +245,7 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """Uncut surface with its skins, see `DenseSurface`, as the target of points of the mesh."""
+    """Uncut surface with its skins, see `DenseSurface`, onto which points of the mesh are lifted."""
 
     skins: DenseSurface
 
@@ -263,7 +262,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace weights of points between two faces beside a crease by those of the nearest places in a face.
+        """Replace points between two faces beside a crease by the nearest places in a face.
 
         Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain.
         """
@@ -292,8 +291,8 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins, at the mesh places nearest to the
-        middles."""
+        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins, at the mesh places nearest to
+        their middles."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap

@@ -21,8 +21,8 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """One-way distances between a piece and the mesh: the largest, the one with the most excess and its limit; bad
-    places."""
+    """Distances of a piece from the mesh, or back: the largest, the one with the largest excess and its limit, and
+    bad places."""
 
     most: float
     worst: float
@@ -79,7 +79,7 @@ class MeshSolids:
 
 @dataclass(frozen=True, eq=False)
 class PieceJudge:
-    """Judge of pieces of a sheet against the solids of a part, millimetres."""
+    """Comparison of the pieces of a sheet with the solids of a part, millimetres."""
 
     solids: MeshSolids
     sheet: SheetOutline
@@ -92,7 +92,7 @@ class PieceJudge:
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
 
     def remaining_triangles(self, finished: set[int]) -> Ints:
-        """(m, 3) triangles of all solids that are not done."""
+        """(m, 3) triangles of all solids that are not finished."""
         return self.solids.faces(set(range(self.solids.count)) - finished)
 
     @cached_property
@@ -158,5 +158,5 @@ class SolidPlan:
 
     @cached_property
     def gate(self) -> PieceJudge:
-        """Judge for solids before they are divided into charts."""
+        """Comparison of undivided pieces with the mesh."""
         return PieceJudge(self.solids, self.whole, self.limits)

@@ -24,7 +24,7 @@ class OutlineRun:
     """Part of an outline.
 
     vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : width of the loop, mm: twice the area over the length, which is a circle's radius or a slit's width.
+    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width.
     """
 
     vertices: Ints
@@ -66,8 +66,6 @@ class SheetOutline:
 
 @dataclass(frozen=True, eq=False)
 class _HalfEdgeCharts:
-    """Half-edges by sorted keys start * n + end, with the chart on the other side of each and its family of edges."""
-
     n: int
     key: Ints
     chart: Ints
@@ -168,7 +166,7 @@ def _width(line: Floats, length: float) -> float:
 
 
 def _run_starts(V: Floats, loop: Ints, starts: Ints) -> Ints:
-    """Return positions in a loop where runs begin: at least two, and equal from both sides of a seam."""
+    """Return positions in a loop where runs begin: at least two, and the same from both sides of a seam."""
     if len(starts) > 1:
         return starts
     start = int(starts[0]) if len(starts) else int(np.argmin(loop))

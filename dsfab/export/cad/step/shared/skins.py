@@ -1,4 +1,4 @@
-"""Points of smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
+"""Smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -44,7 +44,7 @@ class DenseSurface:
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors to the skins along the mean normals.
+        """(n, 3) vectors from the middle to a skin along the mean normals.
 
         Other normals lean a little to one side, which makes a skin uneven.
         """
@@ -77,7 +77,7 @@ class DenseSurface:
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
     """Return the undivided surface with its skins."""
-    D = curved.D[surface.F]  # vectors are longer at corners, so that faces keep their thickness
+    D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
     half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
@@ -125,17 +125,17 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
-    """(m,) volumes between triangles V - D and V + D; (n, 3) each."""
+    """(m,) volumes between triangles V - D and V + D; V and D (n, 3)."""
     a, b, c = F.T
     across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # mean over V + s D, s from -1 to 1
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
 GAP_SHARE = 1 / 20
-"""Widest gap between a skin and its edges, as a share of the thickness."""
+"""Widest accepted gap between a skin and its edges, as a share of the thickness."""
 
 OUTLINE_SHARE = 0.55
-"""Tolerance of outlines, as a share of the allowed distance."""
+"""Tolerance of outlines, as a share of the allowed distance from the mesh."""
 
 LOOP_SHARE = 0.03
 """Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
@@ -148,7 +148,7 @@ def decimals(thickness: float) -> int:
 
 
 MOST_CHORD = 1 / 4
-"""Largest chord error, as a share of the thickness, because the estimate is wrong at creases."""
+"""Largest chord error that counts, as a share of the thickness, because the estimate is wrong at creases."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,4 +1,4 @@
-"""Acceptance of smooth pieces: OCCT's findings, gaps, volume and distance from the mesh; data for all layouts."""
+"""Plan of a smooth solid with its layouts of charts, and acceptance of pieces by OCCT's findings and the mesh."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field, replace
@@ -97,18 +97,18 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
 
 
 FIT_SHARE = 1 / 3
-"""Tolerance of the skins, as a share of the allowed distance."""
+"""Tolerance of the skins, as a share of the allowed distance from the mesh."""
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""Layouts: largest angle (degrees) of normals from a chart's mean normal, smallest number of charts, and seed."""
+"""Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
 
 MOST_WALLS = 1500
-"""Most walls of a sheet if the part has an effort limit: these take half a minute at most."""
+"""Largest number of walls of a sheet if `hurry` is 1; more walls take over half a minute."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """A layout's pieces with their judge and builder. asked : pieces whose solids are not finished."""
+    """Pieces of a layout with their judge and builder. asked : pieces whose solids are not finished."""
 
     gate: PieceJudge
     builder: PieceBuilder
@@ -117,7 +117,8 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or too large for the effort limit."""
+    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or has too many walls for a part in
+    a hurry."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -129,7 +130,7 @@ class SmoothPlan(SolidPlan):
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
 
-        The first layout is for open sheets only, because its charts become too oblique on a closed surface.
+        The first layout is for open sheets only, because its charts become too steep on a closed surface.
         """
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
@@ -157,7 +158,7 @@ class SmoothPlan(SolidPlan):
             )
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
-        """Build the pieces of all solids that are not done, in a layout of fields (n, c).
+        """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
 
         Raises ExportError as soon as a chart fails that the only solid needs, because all further charts take long.
         """

@@ -31,7 +31,7 @@ REFITS = 2
 """Number of times that the refused pieces of a layout are built again with tighter curves."""
 
 CLOSEST = len(LEVEL_FACTORS) - 1
-"""Highest level of tighter curves."""
+"""Highest level of tighter curves, see `LEVEL_FACTORS`."""
 
 
 class _AcceptedPiece(NamedTuple):
@@ -47,7 +47,8 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if it cannot be built."""
+    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if no piece can be
+    built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -86,8 +87,8 @@ class _SmoothSearch:
         return self._file()
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        # Refused places: of seven sheets with 1100 to 3800 faces four had none, one had 2, and two had 104 and 216,
-        # which refits did not cure.
+        # OCCT refused no place in four of seven sheets with 1100 to 3800 faces, 2 places in one sheet, and 104 and 216
+        # places in two sheets, which refits did not cure.
         hopeless = 40
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
@@ -160,7 +161,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece until no curve crosses, leaves a gap or strays, or until no tighter fit is left."""
+    """Rebuild a piece until no curve crosses, leaves a gap or leaves the mesh, or until no tighter fit is possible."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -173,7 +174,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
+    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than allowed.
 
     OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
     """

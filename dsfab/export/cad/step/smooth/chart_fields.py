@@ -14,8 +14,7 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CONE_SLACK = np.deg2rad(12.0)
-"""Radians by which charts may exceed their cone, because straightening moves faces into charts that see them
-obliquely."""
+"""Angle (radians) by which a chart may exceed its cone, because straight borders give it faces that it sees steeply."""
 
 REACH = 0.25
 """Diffusion length of indicators, as a share of the radius of small charts."""
@@ -34,7 +33,7 @@ SWEEPS = 4
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
-    cone : largest angle, radians, between a normal of a cluster and its mean normal.
+    cone : largest angle (radians) between the normals of a cluster of faces and their mean.
     fewest : smallest number of charts; start : seed, another number gives another layout.
     """
     label = _clusters(surface, cone, fewest, start)
@@ -103,12 +102,12 @@ def _cosines(surface: Surface, label: Ints) -> Floats:
     mean = np.stack([np.bincount(label, x) for x in vectors.T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has no mean
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has no mean normal
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straighten the charts; divide those that become too steep or fall apart, and straighten again."""
+    """Straighten the borders of charts; divide charts that become too steep or fall apart, and straighten again."""
     for turn in range(5):
         fields = _diffused_fields(surface, label, 1.0 if turn == 0 else 0.7)
         label = fields[surface.F].sum(axis=1).argmax(axis=1)

@@ -61,7 +61,8 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return (k, 2) parameters of the surface points nearest to `points` (k, 3), by Gauss-Newton steps from uv."""
+        """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps from uv
+        (k, 2)."""
         step_limit = 1e-8  # steps end at this share of the surface's size: 0.1 micrometres on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
@@ -79,13 +80,14 @@ class SplinePatch:
 
 
 SMOOTHING = 1e-5
-"""Weight of the differences of poles against distances from points."""
+"""Weight of the differences between poles, against the distances from points."""
 
 FEWEST_POLES, MOST_POLES = 6, 48
 """Smallest and largest number of poles of a fit in one direction."""
 
 FEW_POLES = 24
-"""A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection."""
+"""A chart with more poles than this in one direction is divided once, because OCCT searches all poles for each
+projection."""
 
 FIRST_POLES = 8.0
 """Number of poles of the first attempt: geometric mean of both directions."""
@@ -118,7 +120,8 @@ def fitted_surface(
     """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
 
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
-    The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
+    The error of a cubic surface is proportional to the fourth power of its spans, which gives the size of the next
+    attempt.
     """
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
@@ -207,8 +210,8 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return row offsets below the diagonal, and these rows of the band matrix of squared second differences of p x q
-    poles."""
+    """Return offsets of rows below the diagonal, and these rows of the band matrix of squared second differences of
+    p x q poles."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -228,11 +231,11 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
 """Weights of points around a chart, which hold the skins at seams, and of boundary points, whose normals lean to one
-side. The tolerance does not apply to either."""
+side. The tolerance applies to neither of these points."""
 
 FOLDED = 0.01
-"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when they are refined;
-the distance of the fit from all points is limited in any case."""
+"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when their
+triangles are divided; the distance of the fit from all points is limited in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,8 +259,10 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and of a ring around it. near_faces : (faces of the mesh,); in_chart : (n,)
-    vertices."""
+    """Collect the points of a chart and of a ring around it.
+
+    near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for vertices in the
+                 chart."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -307,7 +312,8 @@ HALVED = 4
 """Largest number of divisions of a chart."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
-"""A chart is divided between its most opposite normals if the cosine of a normal's angle to the axis is smaller."""
+"""Smallest cosine of the angle between a chart's normals and its axis. A steeper chart is divided between its most
+opposite normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -344,7 +350,7 @@ class ChartAtlas:
     """Charts of a surface, fitted on demand.
 
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number, without those that no spline follows; `failed` holds their reasons.
+    charts : by number, without charts that no spline follows; `failed` holds the reasons.
     """
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
@@ -356,11 +362,11 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts of these numbers and the charts that they are divided into (tolerance in millimetres).
+        """Fit the charts of these numbers and the charts that they are divided into.
 
-        hopeless : function of a failed chart; True ends the work, because the rest is useless without it.
+        hopeless : function of a failed chart; True ends the work, because the rest is useless without this chart.
         """
-        # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
+        # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3
         fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
@@ -394,8 +400,8 @@ class ChartAtlas:
                 self.charts[k] = chart
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a (n,) field from the steepest normals of chart k to the opposite normals; None if no division is
-        needed."""
+        """Return a (n,) field from the steepest normals of chart k to the opposite normals; None if chart k can stay
+        whole."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -406,7 +412,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # this share of the half length makes the border about as steep as other borders
+        part_width = 0.25  # with this share of the half length the field is about as steep as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

@@ -21,8 +21,8 @@ class OutlineNodes:
     uv    : by chart, (n, 2), nan for vertices outside of it.
     steep : by chart, (n,) largest growth of lengths from the plane to the surface; 1 or more.
     around : by vertex, its charts.
-    at    : by vertex, (2, 3): upper and lower point; gap : largest distance of its charts' skins from these. Both hold
-            ends of runs, and vertices that `add` was called for.
+    at    : by vertex, (2, 3) upper and lower point, for ends of runs and for vertices that `add` was called for.
+    gap   : by vertex, largest distance of its charts' skins from these points.
     """
 
     charts: dict[int, SkinChart]
@@ -33,7 +33,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add vertices (k,), each at the mean of the points on its charts."""
+        """Add vertices (k,), each at the mean of its points on its charts."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -67,7 +67,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
 
 
 LEVEL_FACTORS = (1.0, 0.2, 0.04)
-"""Factors of the tolerance of a run: before, after one, and after two refusals."""
+"""Factors of the tolerance of a run: before any refusal, after one, and after two refusals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,8 +91,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Least power of two that makes all knots whole numbers, because those are short; knots are repeated halves of
-        [0, 1]."""
+        """Least power of two that makes all knots whole numbers, because whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -131,7 +130,7 @@ class _RunPart(NamedTuple):
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit the edges of all runs at once."""
+    """Fit the edges of all runs at once; return a list of edges for each run."""
     run_parts = _parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -198,7 +197,7 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """(k,) many sample parameters in each span; finer : factor of their number."""
+    """(k,) sample parameters in each span of a curve; finer : factor of their number."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
@@ -213,7 +212,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Move the ends of curves onto their nodes."""
+    """Return an edge whose curves end exactly at the nodes of its run."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -275,7 +274,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return the key that both charts of a seam share, and True if this run has its direction."""
+    """Return the key that both charts of a seam share, and True if this run has the direction of the key."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

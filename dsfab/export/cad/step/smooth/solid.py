@@ -55,8 +55,8 @@ class SmoothSkin:
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
 
-    traced : True if edges are written with their curves on skins and walls, too.
-    refused : reason why it is no single closed shell, or ''.
+    traced : True if edges are also written with their curves on skins and walls.
+    refused : reason why the piece is no single closed shell, or ''.
     """
 
     edges: list[SmoothEdge] = field(default_factory=list)
@@ -151,7 +151,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
 
 
 ROUNDED = 1e-9
-"""A point lies on a chord if its distance from the chord is below this share of the chord's length."""
+"""Points nearer to a chord than this share of the chord's length lie on the chord."""
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -176,7 +176,7 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return ends 2 k and 2 k + 1 of edges k at sharp corners whose sides cross near the corner.
 
-    Chords at the corner do not show the crossing. The tangents show it in comparison with the middles of the edges.
+    Chords at the corner do not show the crossing. The tangents there turn the other way than vectors to the middles.
     """
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
@@ -221,7 +221,7 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 class SmoothText:
-    """Writer of pieces after the entities of `new`."""
+    """Writer of pieces; it adds entities to `new`."""
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
@@ -369,7 +369,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return triangles (m, 3) of a part, simplified if possible."""
+    """Return a part of some triangles (m, 3), simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:

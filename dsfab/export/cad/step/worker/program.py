@@ -3,7 +3,7 @@
     python -P program.py COMMAND FILE ARGUMENTS ...
 
 prints one line of JSON. The commands are the functions of `COMMANDS`. Without arguments the program loads OCCT first,
-and then reads the arguments from its input, a list as one line of JSON.
+and then reads the arguments from its input: a list as one line of JSON.
 The modules beside this one import nothing else from dsfab, so that the program is a second opinion and starts quickly.
 """
 
@@ -58,7 +58,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
 
 
 def _enter_package() -> None:
-    """Let the modules beside this one be imported without the packages around them, which load half of dsfab."""
+    """Let Python import the modules beside this one without the packages around them, which load half of dsfab."""
     folder, names = Path(__file__).resolve().parent, ("dsfab", "export", "cad", "step")
     for depth in range(len(names)):
         package = ModuleType(".".join(names[: depth + 1]))

@@ -52,7 +52,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, which is faster than reading the
-    file again.
+    file.
 
     faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long.
     """
@@ -92,10 +92,9 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, see `pieces`. bad : (k, 3) ends of crossing edges; V, F : triangles of the solid;
-    mm.
+    """OCCT's findings about a solid, see `pieces`, millimetres. Triangles of different faces share no vertices.
 
-    Triangles of different faces share no vertices."""
+    bad : (k, 3) ends of crossing edges.    V, F : triangles of the solid."""
 
     valid: bool
     closed: bool

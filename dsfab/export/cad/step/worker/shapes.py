@@ -109,7 +109,7 @@ def is_valid(shape: Any) -> bool:
 
 
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
-    """Return the volume (mm3) to a relative accuracy; other rules of OCCT are wrong on faces with many holes or curved
+    """Return the volume (mm3) to a relative accuracy. Other rules of OCCT are wrong on faces with many holes or curved
     edges.
 
     On a plate with 65 holes and curved walls the adaptive rule was 1e-3 off, this rule 7e-9 with an accuracy of 1e-5.
@@ -123,7 +123,7 @@ def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
 
 
 def without_triangles(faces: list[Any]) -> list[Any]:
-    """Return the faces that OCCT's last triangulation failed on."""
+    """Return the faces for which OCCT's last triangulation failed."""
     from OCP.BRep import BRep_Tool
     from OCP.TopLoc import TopLoc_Location
 

@@ -107,16 +107,15 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative errors of the volume of two halves: `alone` if measured separately, and `together` if measured as one
-    shape.
+    """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
 
     `together` is measured only for `alone` between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for an invalid half.
 
     Where a plane cuts two trimmed faces, the outline of the section has a gap as wide as their distance. OCCT (8.0)
     integrates over a plane from a line beside the outline, so a gap counts with its length times its distance from that
-    line, and each solid has a line of its own. A section of a saddle of 5 m with gaps of 0.0065 mm missed 20.5 of
-    240,228 mm2. Its halves missed 1.9e-5 alone but 2.4e-10 together, where both sides of the section cancel; those of a
-    roof 3.3e-5 and 7e-8. A lost piece of skin would be missing in both measures.
+    line. Each half has its own line, so the errors of both halves differ, but they cancel in one shape. Halves of a
+    saddle of 5 m with gaps of 0.0065 mm missed 1.9e-5 alone and 2.4e-10 together. A lost piece of skin would be missing
+    in both measures.
     """
 
     alone: float
@@ -180,7 +179,7 @@ def _box(box: list[float]) -> Any:
 def _split(shape: Any, tool: Any) -> list[Any]:
     """Return the parts inside and outside of a tool, or [] if a part is invalid.
 
-    Both are cells of one subdivision. Two booleans on one filler gave equal volumes but took up to 1.4 times as long.
+    Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long.
     """
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
@@ -252,8 +251,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return sharp edges from skin to skin with their lengths; the most frequent length of straight edges is the
-    thickness.
+    """Return sharp edges from skin to skin with their lengths: edges of the most frequent length of straight edges.
 
     Edges that continue other edges smoothly are pieces of rims, whose length may equal the thickness by chance."""
     from OCP.BRep import BRep_Tool
@@ -280,7 +278,7 @@ def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return whether no edge at its ends continues a straight edge; edges : of the shape, by vertex."""
+    """Return True if no edge continues a straight edge at its ends; edges : of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp
