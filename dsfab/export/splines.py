@@ -35,6 +35,11 @@ def segment_spline(a: Floats, b: Floats) -> Spline:
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
+def polyline_length(line: Floats) -> float:
+    """Return the length of a polyline (k, d)."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
 def arc_lengths(line: Floats) -> Floats:
     """Return the lengths (k,) along a polyline (k, d) from its first point to each point."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])

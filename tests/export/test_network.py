@@ -25,7 +25,7 @@ from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetWriter, me
 from dsfab.export.cad.step.by_members.fillets import without_fillets
 from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
-from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quad_of
 from dsfab.export.cad.step.by_members.patches import (
     FaceLimits,
     _beyond_mesh,
@@ -542,10 +542,10 @@ def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(mon
         chain.Q[:, 5] -= 0.1
     fits, asked = object.__new__(draft._Fits), list[int]()
     fits.reach, fits.quads = 0.01, {}
-    monkeypatch.setattr(draft, "quads_of", lambda net, *some: asked.extend(net.loops) or quads_of(net, *some))
+    monkeypatch.setattr(draft, "quad_of", lambda region, *some: asked.append(region) or quad_of(region, *some))
     (first,), others = fits._quads(net, chains)
-    (quad,), rest = quads_of(net, chains, 0.01)
-    assert (first.region, first.sides, others) == (quad.region, quad.sides, rest) == (0, quad.sides, [1])
+    quad = quad_of(0, net.loops[0], chains, 0.01)
+    assert (first.region, first.sides, others) == (0, quad.sides, [1])
     assert fits._quads(net, chains)[0][0] is first
     assert asked == [0, 1]
     fits._quads(net, chains | {1: replace(chains[1])})
@@ -562,8 +562,8 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
         k: SampledChain(np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float), True) for k, (a, b) in ends.items()
     }
     net, _, _ = rectangle_net(arc=False)
-    (quad,), others = quads_of(net, chains, 0.01)
-    assert others == [1]
+    quad = quad_of(0, net.loops[0], chains, 0.01)
+    assert quad_of(1, net.loops[1], chains, 0.01) is None
     curves = {k: curves_through([chain.Q], [0.1])[0] for k, chain in chains.items()}
     apart = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()])
     stations = SideStations(apart, chains)

@@ -7,14 +7,14 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, plane_cross, unit_vectors
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.fillets import outline_and_border, turn_at, with_moved_ends
 from dsfab.export.cad.step.by_members.lines import BEND_ANGLE, CORNER_ANGLE
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at
 from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, splines_through
+from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
 TOUCHING_SHARE = 1 / 400
 """Two parts of an outline touch if they are nearer than this share of the thickness. Parts of sound outlines are six
@@ -72,13 +72,9 @@ def crossing_segments(lines: list[Floats]) -> Bools:
     """Return (k,) True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
-    apart = _side(a[:, None], b[:, None], a[None]) * _side(a[:, None], b[:, None], b[None]) < 0
+    along = (b - a)[:, None]
+    apart = plane_cross(along, a[None] - a[:, None]) * plane_cross(along, b[None] - a[:, None]) < 0
     return np.asarray((apart & apart.T).any(axis=1))
-
-
-def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    d, e = b - a, p - a
-    return np.asarray(d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0])
 
 
 def without_crossings(
@@ -164,8 +160,10 @@ def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
     detour = 1.5  # a hairpin is 1.5 times longer than the distance of its ends; half a circle 1.57 times
     line = curve(PLACES)
-    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return length > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
+    return (
+        polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
+        or len(np.unique(curve.knots)) - 1 > most_spans
+    )
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
@@ -223,8 +221,7 @@ class _BorderEnds:
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
-        line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
-        anchor = self._anchor(line)
+        anchor = self._anchor(self.chains[seam].along(end == 0))
         now = self._angle_at(before, after, anchor)
         if now >= steep:
             return

@@ -36,16 +36,6 @@ class InnerSpline:
         """Return the splines for breaks from 0 to 1, from a cache."""
         return _inner_spline(breaks.tobytes())
 
-    @classmethod
-    def _compute(cls, breaks: Floats) -> "InnerSpline":
-        count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
-        places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
-        inside = (np.diff(breaks)[:, None] * READ_PLACES + breaks[:-1, None]).ravel()
-        values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
-        poles = np.linalg.solve(READ_MATRIX, values.reshape(count, 4, -1))
-        poles[0, 0] = poles[-1, -1] = 0
-        return cls(breaks, places, np.asarray(poles))
-
     @cached_property
     def hats(self) -> Floats:
         """(k + 1, k, 4) share of each pole of each span in the value at each place."""
@@ -58,8 +48,15 @@ class InnerSpline:
 
 
 @lru_cache(maxsize=1024)
-def _inner_spline(breaks: bytes) -> InnerSpline:
-    return InnerSpline._compute(np.frombuffer(breaks))
+def _inner_spline(break_bytes: bytes) -> InnerSpline:
+    breaks: Floats = np.frombuffer(break_bytes)
+    knots = np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
+    places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
+    inside = (np.diff(breaks)[:, None] * READ_PLACES + breaks[:-1, None]).ravel()
+    values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
+    poles = np.linalg.solve(READ_MATRIX, values.reshape(len(breaks) - 1, 4, -1))
+    poles[0, 0] = poles[-1, -1] = 0
+    return InnerSpline(breaks, places, np.asarray(poles))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:

@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import LongSeam, with_long_se
 from dsfab.export.cad.step.by_members.fillets import without_fillets, without_short_walls
 from dsfab.export.cad.step.by_members.lines import NetLines
 from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, net_model
-from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, LineFits, Quad, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, LineFits, Quad, quad_of
 from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder
 from dsfab.export.cad.step.by_members.region_division import level, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import (
@@ -363,8 +363,7 @@ class _Fits:
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.quads.get(region)
             if cached is None or cached[0] != loops or any(a is not b for a, b in zip(cached[1], around, strict=True)):
-                regular, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
-                self.quads[region] = loops, around, regular[0] if regular else None
+                self.quads[region] = loops, around, quad_of(region, loops, chains, self.reach)
         quads = {region: self.quads[region][2] for region in net.loops}
         return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Floats, Ints
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at, outline_through
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.splines import arc_lengths
+from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
@@ -105,13 +105,16 @@ class _Arcs:
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
         border, ahead = loop[(loop.index((arc, True)) + direction) % len(loop)]
-        beyond_loop = self._loop(self._region_beyond((border, ahead)), (border, not ahead))
+        beyond_loop = self._loop(self.chains[border].beyond(ahead), (border, not ahead))
         if len(beyond_loop) < 4:
             return
         position, node = beyond_loop.index((border, not ahead)), -1 if direction > 0 else 0
         rest, wall = (beyond_loop[(position + i * direction) % len(beyond_loop)] for i in (1, 2))
         points = self.chains[rest[0]].points
-        if not self._region_beyond(rest) == VOID == self._region_beyond(wall) or self.degree[points[node]] != 2:
+        if (
+            any(self.chains[k].beyond(forwards) != VOID for k, forwards in (rest, wall))
+            or self.degree[points[node]] != 2
+        ):
             return
         if rest[0] in self.arcs or self._length(points) > self._length(chain.points):
             return
@@ -123,10 +126,6 @@ class _Arcs:
 
     def _loop(self, region: int, step: tuple[int, bool]) -> ChainLoop:
         return next((loop for loop in self.loops.get(region, []) if step in loop), [])
-
-    def _region_beyond(self, step: tuple[int, bool]) -> int:
-        chain = self.chains[step[0]]
-        return chain.right if step[1] else chain.left
 
     def _length(self, points: Ints) -> float:
         return float(arc_lengths(self.P[points])[-1])
@@ -273,15 +272,13 @@ class _Fillets:
             del self.chains[k]
 
     def _neighbour(self, step: tuple[int, bool]) -> int:
-        chain = self.chains[step[0]]
-        return chain.right if step[1] else chain.left
+        return self.chains[step[0]].beyond(step[1])
 
     def _points(self, step: tuple[int, bool]) -> Ints:
-        points = self.chains[step[0]].points
-        return points if step[1] else points[::-1]
+        return self.chains[step[0]].along(step[1])
 
     def _length(self, points: Ints) -> float:
-        return float(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1).sum())
+        return polyline_length(self.P[points])
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
         lengths = arc_lengths(self.P[points])

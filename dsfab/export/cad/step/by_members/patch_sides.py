@@ -25,7 +25,7 @@ from dsfab.export.cad.step.by_members.lines import (
 )
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, mean_width
 from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
-from dsfab.export.splines import bernstein
+from dsfab.export.splines import bernstein, polyline_length
 
 REACH_SHARE = 3 / 4
 """Distance along a chain within which its direction is measured, as a share of the thickness."""
@@ -39,14 +39,8 @@ class Quad:
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
-def quads_of(net: ChainNet, chains: Mapping[int, SampledChain], reach: float) -> tuple[list[Quad], list[int]]:
-    """Separate regions with four sides from the other regions. reach : distance (mm) within which directions are
-    measured."""
-    quads = {region: _quad(region, loops, chains, reach) for region, loops in net.loops.items()}
-    return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
-
-
-def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
+def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
+    """Return a region with its four sides; None for other regions. reach : mm, within which directions are measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -315,8 +309,7 @@ def _same_points(cached: tuple[list[Ints], ChainLine] | None, points: list[Ints]
 
 def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:
     parts = [chains[k].Q[:: 1 if ahead else -1] for k, ahead in row]
-    long = [np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts]
-    ends = np.concatenate([[0.0], np.cumsum(long)])
+    ends = np.concatenate([[0.0], np.cumsum([polyline_length(part) for part in parts])])
     return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]), ends / ends[-1]
 
 

@@ -11,11 +11,12 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, cross, unit_vectors
 from dsfab.export.cad.step.by_members.curves import sampled_chains
-from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quad_of
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, mean_width, vector_area
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.part import StripedSheet
+from dsfab.export.splines import polyline_length
 from dsfab.surface import edge_table, half_edges, link_components
 
 
@@ -66,7 +67,8 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
-    length = np.array([_length(P, net, step) if _wall(net, step) else 0.0 for step in loop])
+    chains = [net.chains[k] for k, _ in loop]
+    length = np.array([polyline_length(P[chain.points]) if chain.right == VOID else 0.0 for chain in chains])
     i, j = np.sort(np.argsort(-length, kind="stable")[:2]).tolist()
     if j - i < 2 or i + len(loop) - j < 2:
         return None
@@ -83,15 +85,7 @@ def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area:
 
 
 def _points(net: ChainNet, loop: ChainLoop) -> Ints:
-    return np.concatenate([net.chains[k].points[:: 1 if ahead else -1] for k, ahead in loop])
-
-
-def _wall(net: ChainNet, step: tuple[int, bool]) -> bool:
-    return net.chains[step[0]].right == VOID
-
-
-def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
-    return float(np.linalg.norm(np.diff(P[net.chains[step[0]].points], axis=0), axis=1).sum())
+    return np.concatenate([net.chains[k].along(ahead) for k, ahead in loop])
 
 
 LEAST_COSINE = 0.75
@@ -121,7 +115,8 @@ def _is_member(work: "_BendSeams", region: int, lifting: Lifting, limits: Smooth
         return False
     chains = {k: work.net.chains[k] for k, _ in work.net.loops[region][0]}
     alone = replace(work.net, chains=chains, loops={region: work.net.loops[region]})
-    return bool(quads_of(alone, sampled_chains(alone, lifting, limits), REACH_SHARE * limits.thickness)[0])
+    reach = REACH_SHARE * limits.thickness
+    return quad_of(region, alone.loops[region], sampled_chains(alone, lifting, limits), reach) is not None
 
 
 class _BendSeams:
@@ -193,8 +188,7 @@ class _BendSeams:
         return len(longest) > 0
 
     def _length(self, points: Ints) -> float:
-        P = self.net.weights[points] @ self.skins.points
-        return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
+        return polyline_length(self.net.weights[points] @ self.skins.points)
 
     def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
         """Divide a region along a path; return the number of the new region, on the right of the path."""

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, polygon_perimeter, unit_vectors
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
@@ -35,6 +35,14 @@ class Chain:
     points: Ints
     left: int
     right: int
+
+    def along(self, ahead: bool) -> Ints:
+        """(k,) points along (`ahead`) or against the chain."""
+        return self.points if ahead else self.points[::-1]
+
+    def beyond(self, ahead: bool) -> int:
+        """Return the region on the right of a walk along (`ahead`) or against the chain."""
+        return self.right if ahead else self.left
 
     def with_region(self, region: int, ahead: bool) -> "Chain":
         """Return the chain with another region on the left of a walk along (`ahead`) or against the chain."""
@@ -66,8 +74,8 @@ class ChainNet:
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""
-        points, ahead = self.chains[step[0]].points, step[1]
-        return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
+        points = self.chains[step[0]].along(step[1])
+        return int(points[0]), int(points[-1])
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
@@ -302,8 +310,8 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
             continue
         steps = loops[region][0]
-        sides = [chains[k].points if ahead else chains[k].points[::-1] for k, ahead in steps]
-        beyond = [chains[k].right if ahead else chains[k].left for k, ahead in steps]
+        sides = [chains[k].along(ahead) for k, ahead in steps]
+        beyond = [chains[k].beyond(ahead) for k, ahead in steps]
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
@@ -318,8 +326,7 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 def mean_width(line: Floats) -> float:
     """Return the area inside a closed line (k, 3), divided by half of the line's length."""
-    around = float(np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum())
-    return 2 * float(np.linalg.norm(vector_area(line))) / max(around, 1e-300)
+    return 2 * float(np.linalg.norm(vector_area(line))) / max(polygon_perimeter(line), 1e-300)
 
 
 def vector_area(line: Floats) -> Floats:

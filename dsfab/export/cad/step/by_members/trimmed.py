@@ -21,7 +21,7 @@ from dsfab.export.cad.step.by_members.patches import (
     raised_poles,
 )
 from dsfab.export.cad.step.by_members.regions import ChainLoop
-from dsfab.export.splines import bernstein
+from dsfab.export.splines import bernstein, polyline_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,7 +211,7 @@ def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     # With 8 steps along an edge of 2.8 m the gap seemed to be 0.01 mm, but between two steps it was 0.12 mm.
     fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step over the loop's length
     poles = [model.poles(step) for step in loop]
-    long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
+    long = np.array([polyline_length(P[:, :3]) for P in poles])
     steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
     return np.concatenate([_sample_matrix(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
 

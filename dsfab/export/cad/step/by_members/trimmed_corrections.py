@@ -1,7 +1,8 @@
 """Corrections of trimmed faces that leave the skins, or whose widest gap at an edge lies between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -127,10 +128,6 @@ class _PeakSurface:
     seams: Floats
     held: Floats
     edges: Floats
-    over: dict[int, Floats] = field(default_factory=dict)
-    """Basis at points of seams and one step along both axes beside them, (3, e, k, poles), by degree."""
-    around: dict[int, Floats] = field(default_factory=dict)
-    """Basis along all edges, (j, poles), by degree."""
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
         """Return the poles of lowest degree with the fewest peaks off the samples. exact : keep exact edges exact."""
@@ -158,7 +155,7 @@ class _PeakSurface:
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
-        exact = self._rows(self.held, degree)
+        exact = height_rows(self._places(self.held), degree).reshape(*self.held.shape[:2], -1)
         distances = np.abs(self.held @ self.axes[2] - exact @ z)
         firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
         around = self._edge_rows(degree)
@@ -182,21 +179,21 @@ class _PeakSurface:
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
-    def _rows(self, points: Floats, degree: int) -> Floats:
-        rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
-        return rows.reshape(*points.shape[:2], rows.shape[1])
+    def _places(self, points: Floats) -> Floats:
+        return places(self.poles, self.axes, points.reshape(-1, 3))
 
-    def _edge_rows(self, degree: int) -> Floats:
-        if degree not in self.around:
-            self.around[degree] = height_rows(places(self.poles, self.axes, self.edges), degree)
-        return self.around[degree]
+    @cached_property
+    def _edge_rows(self) -> Callable[[int], Floats]:
+        return rows_at(self._places(self.edges))
+
+    @cached_property
+    def _step_rows(self) -> Callable[[int], Floats]:
+        ways = np.array([np.zeros(3), SLOPE_STEP * self.axes[0], SLOPE_STEP * self.axes[1]])
+        return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        if degree not in self.over:
-            ways = np.array([np.zeros(3), SLOPE_STEP * self.axes[0], SLOPE_STEP * self.axes[1]])
-            points = self.seams + ways[:, None, None]
-            self.over[degree] = self._rows(points.reshape(-1, *points.shape[2:]), degree).reshape(*points.shape[:3], -1)
-        return self.over[degree]
+        """(3, e, k, poles) basis at points of seams, and one step along both axes beside these points."""
+        return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
         heights, heights_u, heights_v = self._seam_rows(len(local) - 1) @ local[..., 2].ravel()

@@ -7,7 +7,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, plane_cross
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.export.cad.step.by_members.curves import ChainCurve, on_skins, parts_of
@@ -70,8 +70,8 @@ class HalvedOutline:
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
-        area = np.append(0.0, np.cumsum(_cross(line, np.roll(line, -1, axis=0)))) / 2
-        cut_area = area[POINTS * j] - area[POINTS * i] + _cross(place_points[j], place_points[i]) / 2
+        area = np.append(0.0, np.cumsum(plane_cross(line, np.roll(line, -1, axis=0)))) / 2
+        cut_area = area[POINTS * j] - area[POINTS * i] + plane_cross(place_points[j], place_points[i]) / 2
         least = np.minimum(cut_area, area[-1] - cut_area)
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
@@ -81,10 +81,6 @@ class HalvedOutline:
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
             yield from ((int(i[k]), int(j[k])) for k in islice(clear, times * TRIED // 2))
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:

@@ -8,7 +8,7 @@ from itertools import chain
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, plane_cross
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.entities import (
     DIGITS,
@@ -190,12 +190,8 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     middle_vectors = into[:, 3] - middle[before], middle - out[:, 0]
     long = np.prod([np.linalg.norm(v, axis=1) for v in end_tangents], axis=0)
     sharp = np.einsum("ki,ki->k", *end_tangents) < -least_cosine * long
-    bad = np.flatnonzero(sharp & (_turn(*end_tangents) * _turn(*middle_vectors) < 0))
+    bad = np.flatnonzero(sharp & (plane_cross(*end_tangents) * plane_cross(*middle_vectors) < 0))
     return np.concatenate([2 * before[bad] + forwards[before[bad]], 2 * bad + ~forwards[bad]])
-
-
-def _turn(before: Floats, after: Floats) -> Floats:
-    return np.asarray(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
 def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
@@ -216,7 +212,7 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
-    start_side, end_side = _turn(along, to) / long, _turn(along, past) / long
+    start_side, end_side = plane_cross(along, to) / long, plane_cross(along, past) / long
     return np.asarray((start_side * end_side < 0) & (np.minimum(np.abs(start_side), np.abs(end_side)) > ROUNDED * long))
 
 
