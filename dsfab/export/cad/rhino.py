@@ -44,8 +44,7 @@ MESH = "sheet"
 """Layer of the mesh."""
 
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of parts of the file: its properties, and its history. If a code has the bit `_SHORT`, a value stands in
-                            place of the part's length."""
+"""Codes of parts of the file: properties and history. With the bit `_SHORT` a value replaces the part's length."""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
@@ -98,8 +97,7 @@ Ids = Callable[[str], uuid.UUID]
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function that makes a UUID from a name. Other arrays give other UUIDs, so two designs can share a
-    model."""
+    """Return a function that makes a UUID from a name. Other arrays give other UUIDs for the same name."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
@@ -117,11 +115,10 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 
 
 def without_times(data: bytes) -> bytes:
-    """Replace both times in the history of an archive by `_TIME` and correct its checksum; raises ExportError for other
-    archives.
+    """Replace both times in the history of an archive by `_TIME`; raises ExportError for unknown archives.
 
     The history holds a byte of version, author and time of the creation and of the last change, a count, and a CRC-32.
-    An author is a count of letters (4 bytes) and these letters.
+    An author is a count of letters (4 bytes) and these letters. The function corrects the CRC-32.
     """
     header = 32  # 32 bytes precede the first chunk: code (4 bytes), length (8), content
     content = bytearray(data)
@@ -140,8 +137,7 @@ def without_times(data: bytes) -> bytes:
 
 
 def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | None:
-    """Return start and end of the content of the first part with a code, between `start` and `end`; None without
-    such a part."""
+    """Return start and end of the content of the first part with a code between `start` and `end`, or None."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", data, start)
         size = 0 if code & _SHORT else size
@@ -280,8 +276,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with rhino3dm. Raises ExportError unless each member, axis and node is valid and has its
-    name."""
+    """Read the file back with rhino3dm; raises ExportError unless each member, axis and node is valid."""
     import rhino3dm
 
     kinds, items = rhino3dm.ObjectType, _objects(part, path, ".members.dxf instead")
@@ -301,8 +296,7 @@ def mesh_json(V: Floats, F: Ints) -> str:
 
 
 def polyline_json(points: Floats) -> str:
-    """Encode a polyline through points (k, 3), or (k, 2) in the plane z = 0, as JSON; raises ExportError without
-    rhino3dm."""
+    """Encode a polyline through points (k, 3) or (k, 2) as JSON; raises ExportError without rhino3dm."""
     require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())

@@ -22,8 +22,7 @@ LOADING_SECONDS = 1.5
 
 @dataclass(frozen=True)
 class StrategyCost:
-    """Cost of one face: seconds to write and read back, seconds for another program to open it, and its memory in
-    bytes."""
+    """Cost of one face: seconds to write and read back, seconds to open in another program, and bytes of memory."""
 
     write: float
     open: float
@@ -178,8 +177,7 @@ def _sound(part: Part, simple: Part, crossing: int) -> bool:
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Return the largest distance between two triangle meshes, in both directions, at vertices and at centres of
-    edges and triangles."""
+    """Return the largest distance between two meshes, both ways, at vertices and centres of edges and triangles."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

@@ -1,6 +1,5 @@
 """Folded sheets in STEP: flat facets that share straight folds, ruled walls, and their entities."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -128,7 +127,9 @@ def _facets(part: Part) -> FlatFacets:
     divided_sheet = curved.divided(np.ones((len(curved.V), 1)))
     skins = both_skins(divided_sheet, curved.shift)
     thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * divided_sheet.D, axis=1)))
-    facet = _facet_labels(skins, divided_sheet.F, rough * thickness)
+    table = edge_table(divided_sheet.F)
+    planes = [coplanar_regions(skins[:, s], divided_sheet.F, table, rough * thickness)[0] for s in (0, 1)]
+    facet = np.unique(np.stack(planes, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
     _require_few_facets(facet)
     if float(np.max(cKDTree(part.V).query(skins[np.unique(divided_sheet.F)].reshape(-1, 3))[0])) > rough * thickness:
         raise NotFlatError("the solid is not the sheet's")
@@ -152,13 +153,6 @@ def _require_few_facets(facet: Ints) -> None:
     faces_per_facet = 4  # facets have at least 4 triangles on average; a curved sheet has one for each facet
     if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
-
-
-def _facet_labels(skins: Floats, F: Ints, tolerance: float) -> Ints:
-    """Return the (m,) facet of each face: the faces of a facet lie in one plane on both skins."""
-    table = edge_table(F)
-    skin_regions = [coplanar_regions(skins[:, s], F, table, tolerance)[0] for s in (0, 1)]
-    return np.unique(np.stack(skin_regions, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _plane(skins: Floats, F: Ints) -> Facet:
@@ -258,18 +252,8 @@ EdgePair = tuple[int, int]
 """Edges of a run on the upper and on the lower skin."""
 
 
-def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
-    """Yield the file with a solid for each piece."""
-    writer, pieces = _Writer(shape), [list[int]() for _ in range(shape.sheet.outline.count)]
-    for region in shape.sheet.outline.regions:
-        pieces[region.piece] += writer.region(region)
-    about = f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh"
-    yield from writer.new.file(pieces, name, about)
-
-
 class PlanarFile(NamedTuple):
-    """Text of a planar file, number of its faces, largest distance from the mesh (mm), and number of facets (1 if
-    flat)."""
+    """Text of a planar file, its faces, largest distance from the mesh (mm), and number of facets (1 if flat)."""
 
     faces: int
     texts: list[str]
@@ -284,7 +268,11 @@ def planar_file(part: Part) -> PlanarFile:
         flat = plate(outlines_of(part), part.corners, part.tolerance)
         return PlanarFile(flat.faces, list(plate_entities(flat, part.name)), flat.deviation, 1)
     shape = folded_shape(folded, part.tolerance)
-    return PlanarFile(shape.faces, list(folded_entities(shape, part.name)), shape.deviation, folded.count)
+    writer, pieces = _Writer(shape), [list[int]() for _ in range(folded.outline.count)]
+    for region in folded.outline.regions:
+        pieces[region.piece] += writer.region(region)
+    about = f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh"
+    return PlanarFile(shape.faces, list(writer.new.file(pieces, part.name, about)), shape.deviation, folded.count)
 
 
 class _Writer:

@@ -79,8 +79,7 @@ class FaceOutlines:
 
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
-    """Chain the half-edges between different regions (m,), with their region on the left. opposite : (3 m,) opposite
-    half-edges.
+    """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
 
     The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
     jump across a vertex where a region touches itself.
@@ -149,8 +148,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of the loop of each
-    position."""
+    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of each one's loop."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop

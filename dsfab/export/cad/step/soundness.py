@@ -134,8 +134,7 @@ def _euler(F: Ints) -> int:
 
 
 MOST_FACES = 2000
-"""Largest number of faces of a file that is cut on trial without a request: the cut takes 4 s, and 10 to 15 s with
-the reading of the STEP text."""
+"""Largest number of faces of a file that is cut on trial without a request; this takes 4 s, or 15 s from text."""
 
 
 @dataclass(frozen=True)
@@ -166,8 +165,7 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of the halves of a trial cut ("" if none), and the box of the whole: six numbers in mm, or
-    none."""
+    """Return the fault of a trial cut's halves ("" if none), and the box of the whole: six numbers in mm, or none."""
     seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)

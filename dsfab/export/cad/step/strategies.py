@@ -60,8 +60,7 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield the part with each strategy in turn, the best first, or a BudgetError for a strategy that exceeds the
-    budget.
+    """Yield the part with each strategy in turn, the best first, or BudgetError for one above the budget.
 
     A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail.
     """
@@ -144,8 +143,7 @@ def _simpler_or_error(part: Part, tolerance: float) -> Part | ExportError:
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """Simplify the part within a tolerance (mm); raises ExportError if that fails, and BudgetError for too many
-    faces."""
+    """Simplify the part within a tolerance (mm); raises ExportError if that fails, BudgetError for too many faces."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
@@ -207,8 +205,7 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy to users who cut the file: members, unless members was refused or the stripes are
-    unknown."""
+    """Recommend a strategy for cutting: members, unless they were refused or the stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
@@ -240,8 +237,7 @@ def _reason_with_advice(error: ExportError, why: str) -> str:
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error for a part that all strategies refused, with the cost of each strategy if files would be too
-    large."""
+    """Return the error for a part that all strategies refused, with the cost of each if files would be too large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]

@@ -17,8 +17,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
 TOUCHING_SHARE = 1 / 400
-"""Two parts of an outline touch if they are nearer than this share of the thickness. Parts of sound outlines are six
-times farther apart."""
+"""Parts of an outline nearer than this share of the thickness touch; in sound outlines they are six times farther."""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
@@ -34,24 +33,19 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     chain = np.repeat([k for k, _ in steps], fine * np.array(spans))
     plane = axes_of(middle_normal(np.concatenate(lines)))[:2].T
     first_points = np.cumsum([0, *spans[:-1]]) * fine
-    away = _not_ending(net, steps, chain)
+    start, ends = np.array([net.ends(x)[0] for x in steps]), np.array([net.ends((k, True)) for k in chain.tolist()])
+    ends_elsewhere = (start[:, None, None] != ends).all(axis=2)
     chain_numbers = set[int]()
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
             return set(chain.tolist())  # two sides of a narrow region have changed places
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
-        corner, segment = np.nonzero(away & (_distances(seen, first_points) < distance))
+        corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
         nodes = {net.ends(steps[i])[0] for i in corner.tolist()}
         chain_numbers.update(k for k, _ in steps if nodes & set(net.ends((k, True))))
     return chain_numbers
-
-
-def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
-    start = np.array([net.ends(step)[0] for step in steps])
-    ends = np.array([net.ends((k, True)) for k in chain.tolist()])
-    return np.asarray((start[:, None, None] != ends).all(axis=2))
 
 
 def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
@@ -221,7 +215,9 @@ class _BorderEnds:
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
-        anchor = self._anchor(self.chains[seam].along(end == 0))
+        line = self.P[self.chains[seam].along(end == 0)]
+        lengths = arc_lengths(line)
+        anchor = np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in line.T])
         now = self._angle_at(before, after, anchor)
         if now >= steep:
             return
@@ -237,17 +233,12 @@ class _BorderEnds:
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
-    def _anchor(self, line: Ints) -> Floats:
-        lengths = arc_lengths(self.P[line])
-        return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in self.P[line].T])
-
     def _points_around(self, before: int, after: int) -> Floats:
         points_before, points_after = self.chains[before].points, self.chains[after].points
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the angle (degrees) between a border and an outline at a node; beside a round chain only the wall
-        counts."""
+        """Return the degrees between a border and an outline at a node; a round chain there does not count."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -29,8 +29,7 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limits of the processor time for each of the two OCCT programs: a constant part, and seconds per face. Both are
-many times the measured time."""
+"""Limits of processor time for each OCCT program: constant part, and seconds per face; many times the usual time."""
 
 CUT_COUNT = len(PLANES)
 
@@ -39,9 +38,8 @@ CUT_COUNT = len(PLANES)
 class MemberFile:
     """Checked file of a part by members.
 
-    solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.
-    there, back : largest distances from the mesh and back, mm.    volume : mm3.    used : result of OCCT's trial
-                  cuts."""
+    solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
+    there, back : largest distances from the mesh and back, mm.    used : result of OCCT's trial cuts."""
 
     text: str
     solids: int
@@ -158,7 +156,8 @@ def _require_solid(
     _require(sound, "OCCT finds the solid by members invalid", _RoughError)
     _require(faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}")
     _require(gap <= widest, f"a gap by members of {gap:.3g} mm is wider than {widest:.3g} mm")
-    box = box_fault(part, _box(findings), plan.limits, wide_box)
+    low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
+    box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
     _require(not box, f"by members {box}")
     _require(bool(triangles), "OCCT makes no triangles of a face by members", _RoughError)
     gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
@@ -171,11 +170,6 @@ def _require_solid(
     _require(is_kept, f"its volume by members is off by {volume / mesh_volume - 1:.1%}")
     _require(not triangles[0].fault, triangles[0].fault, _RoughError)
     return forth.most, back.most, triangles[0].shape
-
-
-def _box(findings: list[OcctFinding]) -> list[float]:
-    low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
-    return [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()]
 
 
 def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> str:

@@ -90,8 +90,7 @@ class SampledChain:
         return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end of the chain to its point `reach` mm farther, and the unit normal at this
-        end."""
+        """Return the vector from one end to the point `reach` mm farther, and the unit normal at this end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -141,8 +140,7 @@ class ChainCurve:
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with other ends (6,). Between the ends, the movement of poles changes linearly along the
-        curve."""
+        """Return the curve with other ends (6,); the movement of poles changes linearly between the ends."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -229,8 +227,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
-    """Lower the degree of patches (ku, kv, 4, 4, 6) of a region to 2 in each direction in which the sides are
-    parabolas.
+    """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
 
     No pole moves by more than a share of `distance`, millimetres; the sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):

@@ -235,8 +235,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    """Return the net of a piece: about one wall for each chain of an outline, and at least two faces for each
-    region."""
+    """Return the net of a piece: about one wall for each outline chain, and at least two faces for each region."""
     lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
     wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
     t, skins = plan.limits.thickness, lifting.skins

@@ -32,8 +32,7 @@ PLACES = np.linspace(0, 1, 17)
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return poles (2, 4, 2) of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
-    leaves its surface."""
+    """Return poles (2, 4, 2) of curves (4, 6) in the parameters of both surfaces of a trimmed face, or None."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -58,13 +57,10 @@ def _parameter(side: Floats, point: Floats) -> float:
     steps = 5  # Newton's method begins at the nearest sample and needs few steps
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
-        point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
+        quadratic = np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
+        point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (quadratic @ np.diff(side, axis=0))
         x += float((point - point_on_side) @ ahead) / max(float(ahead @ ahead), 1e-300)
     return x if abs(x - round(x)) > 1e-10 else float(round(x))
-
-
-def _quadratic(x: float) -> Floats:
-    return np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
 
 
 def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
@@ -74,8 +70,7 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6
-"""Radius over the thickness of the fillet for which a seam is extended. The extension is this radius times the
-tangent of half the turn."""
+"""Radius over the thickness of the fillet for which a seam is extended: by radius times tangent of half the turn."""
 
 MARGIN = 0.1
 """Surfaces extend farther than the seam by this share of the seam's extension."""
@@ -151,8 +146,7 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend the surfaces along extended seams. Return the model, the faces, and by edge the extended seams with the
-    edges beside them.
+    """Extend surfaces along extended seams; return model, faces, and by edge the seams and the edges beside them.
 
     A seam that leaves one of its faces is not extended."""
     corners = filled_corners(model)
@@ -201,8 +195,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return by patch, for seams that continue a wall's edge: a box around both, and places (2, 2, 2) beyond the
-    seam."""
+    """Return boxes and places (2, 2, 2) by patch, for seams that continue a wall's edge; places lie beyond the seam."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -355,8 +348,7 @@ class CutEdges:
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares in its direction; with `against`, the first part runs against the direction of the
-        edge."""
+        """Cut an edge at shares in its direction; with `against`, the first part is reversed."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

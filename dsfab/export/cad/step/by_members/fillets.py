@@ -1,6 +1,6 @@
 """Round corners of openings: they join the regions beside them, and borders move to the ends of the corners' arcs."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -69,8 +69,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the chains of an outline that end and begin at a node, and the end of its only border there; None
-    without a single border."""
+    """Return an outline's chains that end and begin at a node, and the end of its only border there, or None."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -82,18 +81,12 @@ def turn_at(three: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
-def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
-    """Lengthen the arcs of round corners by their parts that belong to outlines of members.
+class _Arcs:
+    """Arcs of round corners that grow by their parts in outlines of members.
+
     Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
     the part."""
-    work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
-    for arc in arcs:
-        for direction in (-1, 1):
-            work.take_neighbour(arc, direction)
-    return with_moved_ends(replace(net, chains=work.chains, loops=work.loops), work.moves, lifting)
 
-
-class _Arcs:
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
@@ -136,7 +129,12 @@ def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
-    return with_whole_arcs(work.result(), work.arcs, lifting)
+    net = work.result()
+    arcs = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(work.arcs))
+    for arc in work.arcs:
+        for direction in (-1, 1):
+            arcs.take_neighbour(arc, direction)
+    return with_moved_ends(replace(net, chains=arcs.chains, loops=arcs.loops), arcs.moves, lifting)
 
 
 class _Fillets:
@@ -224,8 +222,7 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet that borders on both members beside it, or is far smaller than the other
-        region."""
+        """Return the region behind a fillet that borders on both members, or is far smaller than the other."""
         smaller = (
             0.6  # the crossing is the smaller of two regions if its border is below this share of the other's border
         )

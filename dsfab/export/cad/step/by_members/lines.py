@@ -31,8 +31,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters; between each pair the space beside the line is void. The material is on the
-        left."""
+        """Return pairs of parameters between which the space beside the line is void. Material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -47,7 +46,7 @@ class ChainLine:
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
         """Divide the cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
-        return self._divide(lambda a, b, P: _is_inside(P, box))
+        return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
         """Halve the cubics for which `spans` (k,) is True."""
@@ -56,8 +55,7 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
-        it."""
+        """Divide cubics in the middle, or where a chain ends near it, until `may_stay` accepts them."""
         shortest = 1 / 16  # a shorter part of the line's parameters stays, because ends of lines may lie outside a box
         middle_share = (
             1 / 4
@@ -82,8 +80,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` holds the line and the parameters of each chain. twins : lines on both sides of a
-    seam."""
+    """Lines of a net. `place` : line and parameters of each chain. twins : lines on both sides of a seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -211,11 +208,6 @@ def end_of(step: tuple[int, bool]) -> ChainEnd:
     return step[0], -1 if step[1] else 0
 
 
-def _is_inside(P: Floats, box: Floats) -> bool:
-    points = P.reshape(8, 3)
-    return bool((points >= box[0]).all() and (points <= box[1]).all())
-
-
 CORNER_ANGLE = np.deg2rad(50.0)
 """An outline has a corner where two of its chains meet with at least this turn (radians)."""
 
@@ -232,13 +224,10 @@ class ArcsOnSkins:
 
     def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
         poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
-        changed = [k for k in arcs if not self._is_cached(k, chains[k], poles[k])]
+        changed = [k for k in arcs if k not in self.known or self.known[k][:2] != (chains[k], poles[k])]
         for k, curve in zip(changed, on_skins([arcs[k] for k in changed], self.away), strict=True):
             self.known[k] = chains[k], poles[k], replace(curve, off=_largest_distance(chains[k].Q, curve))
         return {k: self.known[k][2] for k in arcs}
-
-    def _is_cached(self, k: int, chain: SampledChain, poles: bytes) -> bool:
-        return k in self.known and self.known[k][0] is chain and self.known[k][1] == poles
 
 
 def with_arcs(
@@ -248,8 +237,7 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace the lines of round corners by arcs within tolerances (mm, by chain). rounded : chains of these
-    corners."""
+    """Replace lines of round corners, the chains `rounded`, by arcs within tolerances (mm, by chain)."""
     rounds = 4  # without an arc that is refused, the arcs beside it change and may leave their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
@@ -260,15 +248,11 @@ def with_arcs(
         if not rejected:
             break
         corners.round -= rejected
-    arc_of_line = {lines.place[k][0]: arc for k, arc in arcs.items()}
-    return NetLines(
-        lines.net,
-        [_line_with_arc(line, arc_of_line[i]) if i in arc_of_line else line for i, line in enumerate(lines.lines)],
-    )
-
-
-def _line_with_arc(line: ChainLine, arc: ChainCurve) -> ChainLine:
-    return replace(line, curve=arc if line.steps[0][1] else arc.backwards())
+    result = list(lines.lines)
+    for k, arc in arcs.items():
+        i = lines.place[k][0]
+        result[i] = replace(result[i], curve=arc if result[i].steps[0][1] else arc.backwards())
+    return NetLines(lines.net, result)
 
 
 def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
@@ -310,8 +294,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain; without a common direction at a node, the chain keeps its
-        direction."""
+        """Return the arcs of round corners by chain. Without a common direction a chain keeps its direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -330,8 +313,7 @@ class _Corners:
         return self.made[k][2]
 
     def _known_way(self, node: int) -> Floats | None:
-        """Return from a cache the direction (6,) of an outline at a node; None at a corner, or at a border along the
-        outline."""
+        """Return the direction (6,) of an outline at a node, from a cache; None at a corner or along a border."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -355,8 +337,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) at the end of one chain of the circle through the three ends of two consecutive
-        chains."""
+        """Return the tangent (6,) where two chains meet, of the circle through their three ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))

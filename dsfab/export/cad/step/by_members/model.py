@@ -1,5 +1,4 @@
-"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and corners of
-outlines."""
+"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and its corners."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,8 +14,7 @@ from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
 MOST_CELLS = 2
-"""Largest number of patches in a compact region; a compact region that needs more, such as a round crossing, is
-trimmed."""
+"""Largest number of patches in a compact region; with more, such as in a round crossing, the region is trimmed."""
 
 
 @dataclass(frozen=True, eq=False)

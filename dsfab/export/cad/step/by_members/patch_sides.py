@@ -79,8 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) ends of the parts as shares of the
-    length."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends as shares of the length."""
 
     parts: list[LinePart]
     at: Floats
@@ -236,7 +235,8 @@ class LineFits:
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
         points = {tuple(row): [net.chains[k].points for k, _ in row] for row in rows}
-        missing = [row for row, now in points.items() if not _same_points(self.known.get(row), now)]
+        cached = {row: self.known[row][0] for row in points if row in self.known}
+        missing = [x for x, now in points.items() if list(map(id, cached.get(x, []))) != list(map(id, now))]
         samples = [_samples(row, chains) for row in missing]
         curves = curves_through([Q for Q, _ in samples], [self._tolerance(row) for row in missing])
         for row, (_, chain_ends), curve in zip(missing, samples, curves, strict=True):
@@ -287,8 +287,8 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance (mm) of each chain: a share of the allowed distance and of the chord error; less at
-    narrow openings."""
+    """Return each chain's tolerance (mm): shares of the allowed distance and the chord error, or of a narrow
+    opening."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -301,10 +301,6 @@ def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: flo
         width = mean_width(np.concatenate([chains[k].middle[:-1] for k in loop]))
         tolerances |= {k: min(tolerances[k], LOOP_SHARE * width) for k in loop}
     return tolerances
-
-
-def _same_points(cached: tuple[list[Ints], ChainLine] | None, points: list[Ints]) -> bool:
-    return cached is not None and all(a is b for a, b in zip(cached[0], points, strict=True))
 
 
 def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:

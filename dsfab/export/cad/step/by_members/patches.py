@@ -1,5 +1,4 @@
-"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and distances from the
-mesh."""
+"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and limits of faces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -74,8 +73,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of inner points, also if the gap is wider but small enough to split edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3) that returns their excess (k,) over the allowed distance from the mesh, or
-                  None.
+    beyond_mesh : function of points (k, 3) that returns their excess (k,) over the allowed distance, or None.
     """
 
     gap: float
@@ -89,8 +87,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest excess of surfaces, inside outlines (., 3), over the allowed distance from the mesh; -inf
-    without a limit."""
+    """Return the largest excess of surfaces inside outlines (., 3) over the allowed distance; -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -133,8 +130,7 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move the inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and neighbours still join
-    smoothly.
+    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and joints stay smooth.
     vectors_to_skins : returns the vectors from points (k, d) to the skins."""
     sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
     splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
@@ -199,12 +195,10 @@ class PatchBuilder:
         cubic = patches_on_skins([coons(*four) for four in sides], self.away)
         patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
         too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
-        return [None if is_far or _is_folded(P) else P for P, is_far in zip(patches, too_far, strict=True)]
-
-
-def _is_folded(P: Floats) -> bool:
-    least_ratio = 0.1  # a region is trimmed if a patch has a smaller relative Jacobian
-    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least_ratio
+        least_ratio = 0.1  # a patch with a smaller relative Jacobian counts as folded
+        jacobians = (least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) for P in patches)
+        rows = zip(patches, too_far, jacobians, strict=True)
+        return [None if is_far or jacobian < least_ratio else P for P, is_far, jacobian in rows]
 
 
 def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:

@@ -78,8 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or lies on the wrong
-    side."""
+    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or lies outside."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -94,8 +93,8 @@ faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide each region that bends too much, if it has one outline with nodes. The net's first points are the
-    sheet's."""
+    """Divide each region that bends too much, if it has one outline with nodes. The sheet's points come first in the
+    net."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}

@@ -154,15 +154,12 @@ class _BorderWalk:
         self.border = self.left != self.right
         self.along = np.flatnonzero(self.border)
         self.after = np.full(len(self.border), -1)
-        self.after[self.along] = self._successors()
-        self.seam = sheet.seam
-        self.node = self._nodes(sheet.loose)
-
-    def _successors(self) -> Ints:
         step = next_half_edge(self.along)
         while (inside := ~self.border[step]).any():
             step[inside] = next_half_edge(self.twin[step[inside]])
-        return step
+        self.after[self.along] = step
+        self.seam = sheet.seam
+        self.node = self._nodes(sheet.loose)
 
     def _nodes(self, loose: Bools) -> Bools:
         n, h = len(self.P), self.along
@@ -375,14 +372,11 @@ class RegionInterior:
         """Return (m,) True for cells with a side longer than the thickness, or long for a region of size (m,)."""
         # In a notched region of 200 mm, a surface of degree 9 waved by 4 mm between points of cells of 50 mm.
         region_share = 1 / 6
-        P = self._on_mesh(self.sheet.weights)[F]
+        P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, region_share * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
-        P = self._on_mesh(net.weights)
+        P = np.asarray(net.weights @ self.lifting.skins.points)
         outlines = ([net.chains[k].points for loop in net.loops[region] for k, _ in loop] for region in regions)
         return np.array([np.linalg.norm(np.ptp(P[np.concatenate(line)], axis=0)) for line in outlines])
-
-    def _on_mesh(self, weights: csr_array) -> Floats:
-        return np.asarray(weights @ self.lifting.skins.points)

@@ -16,8 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes for one face: numbers of the rim pieces that move onto the face, and new edges and vertices (6,) by
-    number."""
+    """Changes for one face: rim pieces that move onto the face, and new edges and vertices (6,) by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -174,8 +173,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares of an edge at which it is cut, beyond the fillets at its ends. Fillets reach radius times
-    `halves`."""
+    """Return the shares where an edge is cut, beyond the fillets at its ends, which reach radius times `halves`."""
     shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()

@@ -1,5 +1,4 @@
-"""Trimmed faces for regions without four sides: Bezier surfaces over the mean plane, with measured gaps at the
-edges."""
+"""Trimmed faces for regions without four sides: Bezier surfaces over the mean plane, with measured gaps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -58,8 +57,7 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least; return
-        these (2, 2).
+        """Choose the two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
         The corners of the parallelogram count, at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
@@ -115,8 +113,7 @@ BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges, weights of second differences, and degrees, in the order of trials until the gap is narrow
-enough."""
+"""Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
@@ -167,8 +164,7 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps itself in every
-    plane.
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if every plane sees it overlapping.
     part : True if the points are those of a larger region, which may bend away."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
@@ -183,7 +179,7 @@ def trimmed_face(
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
-    ways = np.concatenate([_chords(model, loop) for loop in loops])
+    ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
     skins = (np.s_[:, :3], np.s_[:, 3:])
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
@@ -280,10 +276,6 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
-def _chords(model: NetModel, loop: ChainLoop) -> Floats:
-    return np.stack([P[3] - P[0] for P in map(model.poles, loop)])
-
-
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
     The result is the larger distance of both skins, and infinite if the points overlap in every plane."""
@@ -348,8 +340,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Return poles (p + 1, p + 1) near heights z (k,) and near poles `base`, by weights and a basis A (k, (p +
-    1)^2)."""
+    """Return poles (p + 1, p + 1) near heights z (k,) and near poles `base`; A (k, (p + 1)^2) is the basis."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

@@ -58,8 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face the points (k, 6) of the skins at its samples; none if all samples are within
-    `tolerance`."""
+    """Return for each face points (k, 6) of the skins at its samples; none if all are within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -86,8 +85,7 @@ SLOPE_STEP = 1e-3
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right.
+    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, which then measures this gap.
     A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -98,8 +96,7 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with as many widest gaps as possible at samples. exact_poles : poles of edges that must stay
-    exact."""
+    """Return a face with its widest gaps at samples, if possible. exact_poles : of edges that stay exact."""
     fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -148,8 +145,7 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Yield heights of poles after each round, and the number of misplaced peaks; gaps below `exact_gap` do not
-        move."""
+        """Yield heights of poles after each round, and the number of misplaced peaks. exact_gap : mm."""
         rounds = 6  # peaks move in at most 6 rounds
         peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; of edge points it is 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
@@ -219,8 +215,7 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap, in the first
-    round."""
+    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap."""
     higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0

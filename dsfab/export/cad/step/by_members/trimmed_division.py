@@ -56,8 +56,7 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b, and back along the cubics (c, 4, 6) of a seam from
-        a to b."""
+        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6) from a to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
@@ -133,8 +132,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio of a measure to its limit: gap, inner distance, and distances of poles from the box
-    and of the face from the mesh."""
+    """Return the largest ratio to its limit of gap, inner distance, and distances from the box and the mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles add the deflection
@@ -151,8 +149,7 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). With a limit from the mesh, more seams are tried while a part is
-        too far off."""
+        """Divide a face with inner points (k, 6). Near a limit from the mesh, more seams are tried."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -224,8 +221,7 @@ class _FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord, as many as needed or
-        allowed."""
+        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord."""
         checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:

@@ -1,2 +1,1 @@
-"""Data that smooth solids and solids by members share: the plan of a solid, its outlines, and both skins with
-limits."""
+"""Plan of a curved solid, its outlines, and both skins with limits, for smooth solids and solids by members."""

@@ -117,8 +117,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return two arrays of weights on columns (k, s), one for each side of a crease, for barycentric weights (k,
-        n)."""
+        """Return weights on columns (k, s) for both sides of a crease, from barycentric weights (k, n)."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -150,8 +149,7 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: two on an edge, twice the same inside a face; -1 if
-        none."""
+        """Return (count, 2) faces with the vertices of each row: two on an edge, the same twice inside, or -1."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -291,8 +289,7 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins, at the mesh places nearest to
-        their middles."""
+        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins near their middles."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
         is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap

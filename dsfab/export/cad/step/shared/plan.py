@@ -21,8 +21,7 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances of a piece from the mesh, or back: the largest, the one with the largest excess and its limit, and
-    bad places."""
+    """Distances from the mesh or back: the largest, the one with the largest excess, its limit, and bad places."""
 
     most: float
     worst: float
@@ -90,10 +89,6 @@ class PieceJudge:
         """(p,) solid of the mesh for each piece: the solid of the nearest vertex."""
         sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
-
-    def remaining_triangles(self, finished: set[int]) -> Ints:
-        """(m, 3) triangles of all solids that are not finished."""
-        return self.solids.faces(set(range(self.solids.count)) - finished)
 
     @cached_property
     def volumes(self) -> Floats:

@@ -71,10 +71,6 @@ class _HalfEdgeCharts:
     chart: Ints
     family: Ints
 
-    def of_loop(self, loop: Ints) -> tuple[Ints, Ints]:
-        k = np.searchsorted(self.key, loop * self.n + np.roll(loop, -1))
-        return self.chart[k], self.family[k]
-
 
 def both_skins(sheet: DividedSheet, shift: int) -> Floats:
     """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres."""
@@ -100,14 +96,15 @@ def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
     parts = list(_regions(F, sheet.chart))
     shared = [_repeated_vertices(loops) for _, loops in parts]
     special[np.concatenate(shared)] = True
+    # Loops are cut at repeated vertices, because STEP forbids loops that touch themselves and few readers repair them.
     regions = tuple(
         ChartRegion(
             int(sheet.chart[face]),
             int(piece[face]),
             tuple(
-                _runs(V, simple_loop, special, beyond, touching)
+                _runs(V, np.array(simple_loop), special, beyond, touching)
                 for loop in loops
-                for simple_loop in _simple_loops(loop)
+                for simple_loop in cut_apart(loop.tolist(), loop.tolist())
             ),
         )
         for (face, loops), touching in zip(parts, shared, strict=True)
@@ -129,11 +126,6 @@ def _repeated_vertices(loops: list[Ints]) -> Ints:
     return np.asarray(vertices[often > 1])
 
 
-def _simple_loops(loop: Ints) -> list[Ints]:
-    """Cut a loop at repeated vertices, because STEP forbids loops that touch themselves and few readers repair them."""
-    return [loop[positions] for positions in cut_apart(list(range(len(loop))), loop.tolist())]
-
-
 def _half_edge_charts(sheet: DividedSheet, n: int) -> _HalfEdgeCharts:
     a, b = half_edges(sheet.F)
     h0, h1 = edge_table(sheet.F).pairs.T
@@ -146,7 +138,8 @@ def _half_edge_charts(sheet: DividedSheet, n: int) -> _HalfEdgeCharts:
 
 
 def _runs(V: Floats, loop: Ints, special: Bools, beyond: _HalfEdgeCharts, touching: Ints) -> tuple[OutlineRun, ...]:
-    chart, family = beyond.of_loop(loop)
+    k = np.searchsorted(beyond.key, loop * beyond.n + np.roll(loop, -1))
+    chart, family = beyond.chart[k], beyond.family[k]
     seam = chart != WALL
     kind = np.where(seam, chart, -2 - family)
     along = V[np.roll(loop, -1)] - V[loop]

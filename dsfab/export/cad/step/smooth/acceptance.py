@@ -11,7 +11,7 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import CHANGED_VOLUME
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.shared.plan import MeshDistances, PieceJudge, SolidPlan
-from dsfab.export.cad.step.shared.sheet_outline import WALL, sheet_of
+from dsfab.export.cad.step.shared.sheet_outline import WALL, OutlineRun, sheet_of
 from dsfab.export.cad.step.shared.skins import GAP_SHARE
 from dsfab.export.cad.step.smooth.chart_fields import chart_fields
 from dsfab.export.cad.step.smooth.charts import ChartAtlas
@@ -117,15 +117,22 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or has too many walls for a part in
-    a hurry."""
+    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls in a hurry."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
         t, distance = self.limits.thickness, self.limits.distance
         self.allowed = EdgeTolerances(t, distance, float(np.median(self.limits.chord)))
-        if part.hurry:
-            self._require_few_walls(MOST_WALLS * part.hurry)
+        limit = MOST_WALLS * part.hurry
+        if part.hurry and (count := sum(run.beyond == WALL for loop in self._loops for run in loop)) > limit:
+            raise ExportError(
+                f"its smooth solid would have {count} walls, more than {limit}, which take too long to be made "
+                "unasked; ask for step = 'smooth'"
+            )
+
+    @property
+    def _loops(self) -> list[tuple[OutlineRun, ...]]:
+        return [loop for region in self.whole.regions for loop in region.loops]
 
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
@@ -134,28 +141,16 @@ class SmoothPlan(SolidPlan):
         """
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
+        outlines = 40  # a chart has about 40 outlines, because OCCT's time grows with the square of their number
         settings = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         seen = set[bytes]()
         for lean, fewest, start in settings:
-            fields = chart_fields(self.surface, float(np.deg2rad(lean)), max(fewest, self.chart_count), start)
+            count = max(fewest, len(self._loops) // outlines + 1)
+            fields = chart_fields(self.surface, float(np.deg2rad(lean)), count, start)
             chart = fields.argmax(axis=1).tobytes()
             if chart not in seen:
                 yield fields
             seen.add(chart)
-
-    @property
-    def chart_count(self) -> int:
-        """Number of charts that suffices for all outlines."""
-        loops = 40  # a chart has about 40 outlines, because OCCT's time grows with the square of their number
-        return sum(len(region.loops) for region in self.whole.regions) // loops + 1
-
-    def _require_few_walls(self, limit: int) -> None:
-        count = sum(run.beyond == WALL for region in self.whole.regions for loop in region.loops for run in loop)
-        if count > limit:
-            raise ExportError(
-                f"its smooth solid would have {count} walls, more than {limit}, which take too long to be made "
-                "unasked; ask for step = 'smooth'"
-            )
 
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).

@@ -47,8 +47,7 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if no piece can be
-    built."""
+    """Return faces and bytes of a part's first smooth file without checks; raises ExportError without pieces."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -117,7 +116,7 @@ class _SmoothSearch:
         self.taken += [_AcceptedPiece(model, k, verdicts[k]) for k in taken]
         self.done |= {int(gate.solid[k]) for k in taken}
         self.reason = next((verdicts[k].reason for k in requested if verdicts[k].reason), "")
-        self.left, self.pieces = gate.remaining_triangles(self.done), len(model.pieces)
+        self.left, self.pieces = gate.solids.faces(set(range(gate.solids.count)) - self.done), len(model.pieces)
 
     def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
         count = sum(model.pieces[k].faces for k in which)

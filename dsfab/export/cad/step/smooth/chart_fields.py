@@ -43,8 +43,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """(m,) cluster of each face. All normals of a cluster lie in the cone around their mean, unless the rounds run
-    out."""
+    """(m,) cluster of each face, with normals in a cone around the cluster's mean unless the rounds run out."""
     rounds = 30  # at most 30 rounds add seeds of clusters
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)

@@ -61,8 +61,7 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps from uv
-        (k, 2)."""
+        """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps."""
         step_limit = 1e-8  # steps end at this share of the surface's size: 0.1 micrometres on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
@@ -86,8 +85,7 @@ FEWEST_POLES, MOST_POLES = 6, 48
 """Smallest and largest number of poles of a fit in one direction."""
 
 FEW_POLES = 24
-"""A chart with more poles than this in one direction is divided once, because OCCT searches all poles for each
-projection."""
+"""A chart with more poles in one direction is divided once, because OCCT searches all poles for a projection."""
 
 FIRST_POLES = 8.0
 """Number of poles of the first attempt: geometric mean of both directions."""
@@ -120,8 +118,7 @@ def fitted_surface(
     """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
 
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
-    The error of a cubic surface is proportional to the fourth power of its spans, which gives the size of the next
-    attempt.
+    The error of a cubic surface grows with the fourth power of its spans, which gives the size of the next attempt.
     """
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
@@ -210,8 +207,7 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return offsets of rows below the diagonal, and these rows of the band matrix of squared second differences of
-    p x q poles."""
+    """Return rows of the band matrix of squared second differences of p x q poles, and their offsets."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -261,8 +257,7 @@ class SkinPoints:
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
     """Collect the points of a chart and of a ring around it.
 
-    near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for vertices in the
-                 chart."""
+    near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for its vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -312,8 +307,7 @@ HALVED = 4
 """Largest number of divisions of a chart."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
-"""Smallest cosine of the angle between a chart's normals and its axis. A steeper chart is divided between its most
-opposite normals."""
+"""Smallest cosine between normals of a chart and its axis; a steeper chart is divided between opposite normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -381,27 +375,23 @@ class ChartAtlas:
                 continue
             try:
                 chart = self._chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
+                if may and chart.off > chart.tolerance:
+                    self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
+                    todo += halves
+                    continue
+                if chart.off > useless * chart.tolerance:
+                    raise ExportError(
+                        f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
+                        f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
+                    )
+                self.charts[k] = chart
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
                     return
-                continue
-            if may and chart.off > chart.tolerance:
-                self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
-                todo += halves
-            elif chart.off > useless * chart.tolerance:
-                self.failed[k] = (
-                    f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
-                    f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
-                )
-                if hopeless(k):
-                    return
-            else:
-                self.charts[k] = chart
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a (n,) field from the steepest normals of chart k to the opposite normals; None if chart k can stay
-        whole."""
+        """Return a (n,) field from the steepest normals of a chart to the opposite ones; None if not steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -448,10 +438,6 @@ class ChartAtlas:
             if not fit.starved:
                 break
             first_poles = fit.size
-        return _chart_of_fit(points, fit, tolerance)
-
-
-def _chart_of_fit(points: SkinPoints, fit: SurfaceFit, tolerance: float) -> SkinChart:
-    lower, upper = fit.patch.coordinates(3, 6), fit.patch.coordinates(0, 3)
-    mean = SplinePatch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
-    return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)
+        lower, upper = fit.patch.coordinates(3, 6), fit.patch.coordinates(0, 3)
+        mean = SplinePatch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
+        return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)

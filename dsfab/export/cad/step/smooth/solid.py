@@ -44,8 +44,7 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True marks an edge that runs
-    forwards."""
+    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True : the edge runs forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]

@@ -48,8 +48,7 @@ class ForkedWork:
 
 
 def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
-    """Return the results of `work` for 0, 1 ... count - 1; this process and a fork each take the next number when
-    free."""
+    """Return `work` of 0, 1 ... count - 1; this process and a fork each take the next number when free."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)

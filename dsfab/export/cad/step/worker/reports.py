@@ -51,8 +51,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
-    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, which is faster than reading the
-    file.
+    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
 
     faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long.
     """
