@@ -15,10 +15,7 @@ from dsfab.export.splines import arc_lengths, polyline_length
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
     """Move ends of chains, (chain, 0 or -1), to other points; between the ends, the movement changes linearly."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
-    ends = {
-        k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)]
-        for k in dict.fromkeys(k for k, _ in moves)
-    }
+    ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
         return net
     between = [_moved_points(P, net.chains[k].points, end_points) for k, end_points in ends.items()]
@@ -223,9 +220,7 @@ class _Fillets:
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
         """Return the region behind a fillet that borders on both members, or is far smaller than the other."""
-        smaller = (
-            0.6  # the crossing is the smaller of two regions if its border is below this share of the other's border
-        )
+        smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
         if len(inner) != 2 or neighbours[0] == neighbours[1]:
@@ -243,11 +238,8 @@ class _Fillets:
         return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
 
     def _border(self, corner: int, member: int, crossing: int) -> int:
-        candidates = [
-            k
-            for k in self._ending(corner)
-            if {self.chains[k].left, self.chains[k].right} == {member, crossing} and (k, corner) not in self.moved
-        ]
+        candidates = [k for k in self._ending(corner) if (k, corner) not in self.moved]
+        candidates = [k for k in candidates if {self.chains[k].left, self.chains[k].right} == {member, crossing}]
         return candidates[0] if len(candidates) == 1 else -1
 
     def _ending(self, point: int) -> list[int]:

@@ -103,11 +103,8 @@ def net_model(
     covering : builds patches; a region whose patches are bad is trimmed.
     patched  : quads that are divided into any number of patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
-    compact = frozenset(
-        quad.region
-        for quad in quad_list
-        if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
-    )
+    whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
+    compact = frozenset(quad.region for quad in whole_quads if _compact(quad, chains))
     rest = [quad for quad in quad_list if quad.region not in compact]
     model = NetModel(compact=compact, seam=len(lines.twins) > 0)
     return _ModelAssembly(stations, rest, [*other_regions, *sorted(compact)], covering, model).model
@@ -136,9 +133,8 @@ class _ModelAssembly:
             else:
                 self._add(patch_poles, grid)
         for region in rest:
-            self.model.trimmed[region] = [
-                [e for step in loop for e in self._steps(lines.line_part(step))] for loop in lines.net.loops[region]
-            ]
+            loops = lines.net.loops[region]
+            self.model.trimmed[region] = [[e for x in loop for e in self._steps(lines.line_part(x))] for loop in loops]
 
     def _vertex(self, point: Floats) -> int:
         self.model.vertices.append(point)

@@ -130,10 +130,8 @@ class PieceJudge:
         if not len(far_points):
             return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
         far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
-        k = int((far_distances - allowed).argmax())
-        return MeshDistances(
-            float(away.max()), float(far_distances[k]), float(allowed[k]), far_points[far_distances > allowed]
-        )
+        bad, k = far_points[far_distances > allowed], int((far_distances - allowed).argmax())
+        return MeshDistances(float(away.max()), float(far_distances[k]), float(allowed[k]), bad)
 
 
 class SolidPlan:

@@ -96,20 +96,13 @@ def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
     parts = list(_regions(F, sheet.chart))
     shared = [_repeated_vertices(loops) for _, loops in parts]
     special[np.concatenate(shared)] = True
-    # Loops are cut at repeated vertices, because STEP forbids loops that touch themselves and few readers repair them.
-    regions = tuple(
-        ChartRegion(
-            int(sheet.chart[face]),
-            int(piece[face]),
-            tuple(
-                _runs(V, np.array(simple_loop), special, beyond, touching)
-                for loop in loops
-                for simple_loop in cut_apart(loop.tolist(), loop.tolist())
-            ),
-        )
-        for (face, loops), touching in zip(parts, shared, strict=True)
-    )
-    return SheetOutline(V, D, F, sheet.chart, piece, charts, regions)
+    regions = list[ChartRegion]()
+    for (face, loops), touching in zip(parts, shared, strict=True):
+        # STEP forbids loops that touch themselves, and few readers repair them
+        simple = [np.array(part) for loop in loops for part in cut_apart(loop.tolist(), loop.tolist())]
+        runs = tuple(_runs(V, loop, special, beyond, touching) for loop in simple)
+        regions.append(ChartRegion(int(sheet.chart[face]), int(piece[face]), runs))
+    return SheetOutline(V, D, F, sheet.chart, piece, charts, tuple(regions))
 
 
 def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:

@@ -60,16 +60,14 @@ def _verdict(
     worst_way = max(away, key=lambda distances: distances.worst - distances.allowed)
     sound = finding.valid and finding.closed
     is_near = worst_way.worst <= worst_way.allowed
+    is_kept = abs(finding.volume - mesh_volume) <= (CHANGED_VOLUME + gate.excess_volumes[k]) * mesh_volume
     tests = (
         (sound, "OCCT finds it invalid"),
         (finding.faces == piece.faces, f"OCCT reads {finding.faces} faces instead of {piece.faces}"),
         (finding.tessellates, "OCCT makes no triangles of a face"),
         (gap <= widest, f"a gap of {gap:.3g} mm is wider than {widest:.3g} mm"),
         (is_near, f"it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"),
-        (
-            abs(finding.volume - mesh_volume) <= (CHANGED_VOLUME + gate.excess_volumes[k]) * mesh_volume,
-            f"its volume is off by {finding.volume / mesh_volume - 1:.1%}",
-        ),
+        (is_kept, f"its volume is off by {finding.volume / mesh_volume - 1:.1%}"),
     )
     reason = next((text for passed, text in tests if not passed), "")
     bad = np.concatenate([forth.bad, back.bad])

@@ -100,9 +100,8 @@ class _SmoothSearch:
         verdicts, todo = dict[int, Acceptance](), requested
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            verdicts |= acceptance.verdicts(
-                gate, {k: model.pieces[k] for k in todo}, self._findings(program, model, ready)
-            )
+            judged = {k: model.pieces[k] for k in todo}
+            verdicts |= acceptance.verdicts(gate, judged, self._findings(program, model, ready))
             todo = [k for k in todo if len(verdicts[k].bad) and raise_levels(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break

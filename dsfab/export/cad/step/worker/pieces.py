@@ -66,9 +66,8 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
     collect = partial(_untriangulated_findings, solids)
     copy = ForkedWork(collect) if copies else None
     findings_list = [] if copy else collect()
-    has_triangles = [
-        _triangulates(deflection, solid) for solid in solids if all(finding["valid"] for finding in findings_list)
-    ]
+    valid = all(finding["valid"] for finding in findings_list)
+    has_triangles = [_triangulates(deflection, solid) for solid in solids if valid]
     if len(has_triangles) == len(solids) and all(has_triangles):
         keep_drawn(shape, Path(folder))
     findings_list = copy() if copy else findings_list
@@ -170,9 +169,8 @@ def _untriangulated_findings(solids: list[Any]) -> list[dict[str, Any]]:
     for solid in solids:
         checked = _shape_findings(solid)
         gap, _ = _measures(solid, faces_of(solid), with_volume=False)
-        results.append(
-            {**checked, "gap": gap, "volume": gauss_kronrod_volume(solid, VOLUME) if checked["valid"] else 0.0}
-        )
+        content = gauss_kronrod_volume(solid, VOLUME) if checked["valid"] else 0.0
+        results.append({**checked, "gap": gap, "volume": content})
     return results
 
 
