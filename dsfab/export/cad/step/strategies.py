@@ -193,7 +193,7 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 def _slow(refused: Sequence[ExportError]) -> str:
     over = " and ".join(reasons([error for error in refused if isinstance(error, BudgetError)]))
-    return f"; made however long it took, since {over}" if over else ""
+    return f"; its time was not limited, because {over}" if over else ""
 
 
 def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
@@ -233,7 +233,7 @@ def reasons(refused: Sequence[ExportError]) -> list[str]:
 def _reason_with_advice(error: ExportError, why: str) -> str:
     if isinstance(error, BudgetError):
         return error.reason
-    return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
+    return f"{why}: write step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:

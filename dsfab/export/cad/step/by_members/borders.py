@@ -238,7 +238,7 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the degrees between a border and an outline at a node; a round chain there does not count."""
+        """Return the degrees between a border and an outline at a node; only the wall beside a round chain counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

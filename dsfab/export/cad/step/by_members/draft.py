@@ -218,8 +218,7 @@ def _require_few(part: Part, faces: int) -> None:
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than {limit}, which take too long to be tried "
-            "unasked"
+            f"by members it would have at least {faces} faces, more than the {limit} that are tried without a request"
         )
 
 

@@ -1,4 +1,4 @@
-"""Edges that OCCT can fillet: extended seams at corners, order of walls, and direction and length of edges."""
+"""Preparation of edges for fillets by OCCT: longer seams at corners, order of walls, direction and length of edges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace

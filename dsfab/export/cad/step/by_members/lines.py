@@ -24,7 +24,7 @@ ChainEnd = tuple[int, int]
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """One curve along several chains. at : (k + 1,) parameters where the chains end."""
+    """One curve along several chains. at : (k + 1,) parameters where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
@@ -162,7 +162,7 @@ def with_twins(lines: NetLines) -> NetLines:
     for points, i in seam.items():
         j = seam.get(tuple(net.twins[p] for p in points))
         if j is None:
-            raise ExportError("the sheet is not divided alike on both sides of where its one side was cut open")
+            raise ExportError("the sheet has different borders on both sides of the seam through its one-sided surface")
         twins[i] = j
         if i < j:
             curve = result[i].curve

@@ -35,8 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. With a limit of the
-             distance from the mesh, faces stay unchanged because the division judges them."""
+    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If the distance from
+             the mesh is limited, faces stay unchanged, because `divided_faces` judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):

@@ -102,9 +102,9 @@ the best of all is used. In one opening the first usable seam led to six parts o
 triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one
-face were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too; another face was 3.7 mm off inside for 0.8
-allowed."""
+"""Limits for a face that stays whole: distance of poles outside the box over the box's diagonal, and distance of
+inner points over `limits.off`. In one face poles were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too;
+another face was 3.7 mm off inside where 0.8 are allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.

@@ -142,7 +142,7 @@ LOOP_SHARE = 0.03
 
 
 def decimals(thickness: float) -> int:
-    """Return the number of decimals of coordinates, mm, which round by a small share of the thickness (mm)."""
+    """Return the decimals of coordinates (mm) whose rounding is a small share of the thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 

@@ -124,8 +124,8 @@ class SmoothPlan(SolidPlan):
         limit = MOST_WALLS * part.hurry
         if part.hurry and (count := sum(run.beyond == WALL for loop in self._loops for run in loop)) > limit:
             raise ExportError(
-                f"its smooth solid would have {count} walls, more than {limit}, which take too long to be made "
-                "unasked; ask for step = 'smooth'"
+                f"its smooth solid would have {count} walls, more than the {limit} that are made without a request; "
+                "write step = 'smooth'"
             )
 
     @property

@@ -17,7 +17,7 @@ CONE_SLACK = np.deg2rad(12.0)
 """Angle (radians) by which a chart may exceed its cone, because straight borders give it faces that it sees steeply."""
 
 REACH = 0.25
-"""Diffusion length of indicators, as a share of the radius of small charts."""
+"""Length over which the fields of charts diffuse, as a share of the radius of small charts."""
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",

@@ -212,12 +212,15 @@ def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> b
     section = BRepAlgoAPI_Section(shape, _plane(box, plane)[0])
     if not section.IsDone():
         return False
-    ends = list[list[float]]()
+    ends: Any = []
     for edge in parts(section.Shape(), "EDGE"):
         for vertex in parts(edge, "VERTEX"):
             point = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([point.X(), point.Y(), point.Z()])
-    return bool(ends) and bool((cKDTree(ends).query(ends, k=2)[0][:, 1] <= meet).all())
+    if not ends:
+        return False
+    away: Any = cKDTree(ends).query(ends, k=2)[0]
+    return float(away[:, 1].max()) <= meet
 
 
 def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
