@@ -215,7 +215,7 @@ class _BorderEnds:
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
-        line = self.P[self.chains[seam].along(end == 0)]
+        line = self.P[self.chains[seam].directed_points(end == 0)]
         lengths = arc_lengths(line)
         anchor = np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in line.T])
         now = self._angle_at(before, after, anchor)

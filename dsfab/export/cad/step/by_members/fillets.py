@@ -95,14 +95,14 @@ class _Arcs:
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
         border, ahead = loop[(loop.index((arc, True)) + direction) % len(loop)]
-        beyond_loop = self._loop(self.chains[border].beyond(ahead), (border, not ahead))
+        beyond_loop = self._loop(self.chains[border].region_beyond(ahead), (border, not ahead))
         if len(beyond_loop) < 4:
             return
         position, node = beyond_loop.index((border, not ahead)), -1 if direction > 0 else 0
         rest, wall = (beyond_loop[(position + i * direction) % len(beyond_loop)] for i in (1, 2))
         points = self.chains[rest[0]].points
         if (
-            any(self.chains[k].beyond(forwards) != VOID for k, forwards in (rest, wall))
+            any(self.chains[k].region_beyond(forwards) != VOID for k, forwards in (rest, wall))
             or self.degree[points[node]] != 2
         ):
             return
@@ -261,10 +261,10 @@ class _Fillets:
             del self.chains[k]
 
     def _neighbour(self, step: tuple[int, bool]) -> int:
-        return self.chains[step[0]].beyond(step[1])
+        return self.chains[step[0]].region_beyond(step[1])
 
     def _points(self, step: tuple[int, bool]) -> Ints:
-        return self.chains[step[0]].along(step[1])
+        return self.chains[step[0]].directed_points(step[1])
 
     def _length(self, points: Ints) -> float:
         return polyline_length(self.P[points])

@@ -84,7 +84,7 @@ def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area:
 
 
 def _points(net: ChainNet, loop: ChainLoop) -> Ints:
-    return np.concatenate([net.chains[k].along(ahead) for k, ahead in loop])
+    return np.concatenate([net.chains[k].directed_points(ahead) for k, ahead in loop])
 
 
 LEAST_COSINE = 0.75

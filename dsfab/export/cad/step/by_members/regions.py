@@ -36,11 +36,11 @@ class Chain:
     left: int
     right: int
 
-    def along(self, ahead: bool) -> Ints:
+    def directed_points(self, ahead: bool) -> Ints:
         """(k,) points along (`ahead`) or against the chain."""
         return self.points if ahead else self.points[::-1]
 
-    def beyond(self, ahead: bool) -> int:
+    def region_beyond(self, ahead: bool) -> int:
         """Return the region on the right of a walk along (`ahead`) or against the chain."""
         return self.right if ahead else self.left
 
@@ -74,7 +74,7 @@ class ChainNet:
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""
-        points = self.chains[step[0]].along(step[1])
+        points = self.chains[step[0]].directed_points(step[1])
         return int(points[0]), int(points[-1])
 
 
@@ -307,8 +307,8 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
             continue
         steps = loops[region][0]
-        sides = [chains[k].along(ahead) for k, ahead in steps]
-        beyond = [chains[k].beyond(ahead) for k, ahead in steps]
+        sides = [chains[k].directed_points(ahead) for k, ahead in steps]
+        beyond = [chains[k].region_beyond(ahead) for k, ahead in steps]
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue

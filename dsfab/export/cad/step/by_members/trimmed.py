@@ -39,7 +39,7 @@ class FaceDomain:
     inside: int
 
     @classmethod
-    def around(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
+    def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
         """Return the domain around edges (j, 3), 1 mm larger on all sides."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
@@ -250,11 +250,11 @@ def _surface(
            surface lies over the parallelogram along two chords that leaves the box least.
     """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
-    over = FaceDomain.around(points, edges, axes, np.eye(2))
+    over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
     if (out := distance_outside(poles, limits.box)) > 0:
         skew = over.least_beyond(ways @ axes[:2].T, limits.box)
-        skew_fit = _fit_domain(FaceDomain.around(points, edges, axes, skew), limits)
+        skew_fit = _fit_domain(FaceDomain.from_edges(points, edges, axes, skew), limits)
         is_close = skew_fit[1] <= max(gap, limits.gap) and skew_fit[2] <= max(inner_distance, limits.off)
         if is_close and distance_outside(skew_fit[0], limits.box) < out:
             poles, gap, inner_distance = skew_fit
@@ -296,7 +296,7 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
-    over = FaceDomain.around(points, line, axes, np.eye(2))
+    over = FaceDomain.from_edges(points, line, axes, np.eye(2))
     A, weight = height_rows(over.uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [over.inside, len(line)])
     poles = _heights(A, over.z, weight, SMOOTH_WEIGHTS[0], raised_poles(_base_poles(over), degree))
     return np.asarray(np.abs(A @ poles.ravel() - over.z)[over.inside :])
