@@ -358,7 +358,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
     """Estimate the length of the text of `entities` from numbers of rows; 10 % off at most."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # characters of '#' and number
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of '#' and a number
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference

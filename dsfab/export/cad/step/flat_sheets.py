@@ -76,7 +76,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # the normal of the skins is usually the last axis, because they are most of the area
+    for axis in across[::-1]:  # usually the last axis is the skins' normal, because skins are most of the area
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())

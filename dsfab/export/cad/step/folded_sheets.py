@@ -207,7 +207,7 @@ class FoldedShape:
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
-    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # an opening may be close to a fold or an opening
+    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # openings and folds may lie this close together
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
         gaps = gaps_between([line[:, :2] for line in lines], tolerance, least_gap)

@@ -88,7 +88,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # other half-edges never end the loop below
+    turning = np.flatnonzero(on_border)  # half-edges inside regions never end the loop below
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))

@@ -41,7 +41,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # share of the size; OCCT triangulates each face alone, so equal points differ by rounding
+    same_place = 1e-9  # share of the size; OCCT draws each face alone, so points of two faces differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)

@@ -64,7 +64,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
     A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail.
     """
-    tighter = 1 / 4  # curves may cross in a narrow place, so a second planar file has this share of the tolerance
+    tighter = 1 / 4  # a second planar file has this share of the tolerance, because curves may cross in a narrow place
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part

@@ -152,7 +152,7 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
-    detour = 1.5  # a hairpin is 1.5 times longer than the distance of its ends; half a circle 1.57 times
+    detour = 1.5  # a hairpin has at least 1.5 times the length of its chord; half a circle has 1.57 times
     line = curve(PLACES)
     return (
         polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
@@ -209,7 +209,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # least turn of the outline in degrees; with flatter corners a dome gets 5 % more faces
+        sharp = 20.0  # the outline turns by 20 degrees or more; with flatter corners a dome gets 5 % more faces
         gain = 15.0  # a new place must be at least 15 degrees steeper
         steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]

@@ -210,7 +210,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # over the thickness; OCCT extends the seam nearly along the wall's edge and needs the patch there
+    wider = 1 / 100  # share of the thickness; OCCT extends the seam nearly along the wall's edge, onto the patch
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)

@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the straighter end gives way
+        first_gives_way = turned[0] < turned[1]  # the wall at the straighter end takes the short wall
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -153,8 +153,8 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # The length along the members behind a fillet is at most 2.2 times its arc: 1.27 for a right angle, 1.65 for 60
-        # degrees, 3 for a square. It is 4 times for two members, whose walls contain a part of the arc.
+        # The length along the members behind a fillet is at most 2.2 times its arc, or 4 times for two members, whose
+        # walls contain a part of the arc. It is 1.27 times for a right angle, 1.65 for 60 degrees, and 3 for a square.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return

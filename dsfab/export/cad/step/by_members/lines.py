@@ -366,7 +366,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
         return []
     Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # vertices before inner vertices
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # each is the vertex before an inner vertex
     cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]

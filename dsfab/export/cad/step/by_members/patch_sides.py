@@ -53,7 +53,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # largest turn (degrees) at the other nodes if more than four could be corners
+    blunt_limit = 60.0  # with more than four possible corners, no other node may turn more (degrees)
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)

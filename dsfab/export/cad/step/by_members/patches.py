@@ -108,7 +108,8 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few segments need the exact test
+        # only segments at the height of a point need the exact test
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
     return is_inside

@@ -137,7 +137,7 @@ class _BendSeams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # squared outline over area is 16 for a square, 29 for a row of five squares
+        stout_limit = 32.0  # the squared outline over the area is 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)

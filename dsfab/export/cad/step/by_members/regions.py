@@ -166,7 +166,7 @@ class _BorderWalk:
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # both directions of a chain count alike
+        pair = pair + self.right[once]  # both directions of a chain give the same number
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))

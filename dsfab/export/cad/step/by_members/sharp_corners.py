@@ -217,7 +217,7 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
     # flush had 10.3 times; without this limit hopeless faces took nine tenths of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # half of 1e-7 mm, which OCCT ignores, because poles are rounded
+    exact = 5e-8  # OCCT ignores 1e-7 mm, and the rounding of poles takes half of it
     # Weights of old places and of second differences of the moves. With the first pair, faces with three corners of
     # openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed; with the second pair 0.02 mm.
     weights = (1.0, 1e-2), (0.1, 1e-4)

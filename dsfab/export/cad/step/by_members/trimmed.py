@@ -198,7 +198,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # of the way from the middle outwards
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # shares of the way to the line
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
@@ -344,5 +344,5 @@ def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) 
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # twice as fast as numpy's
+    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # scipy takes half of numpy's time
     return np.asarray(base + correction.reshape(base.shape))

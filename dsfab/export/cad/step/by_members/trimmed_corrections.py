@@ -147,7 +147,7 @@ class _PeakSurface:
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
         """Yield heights of poles after each round, and the number of misplaced peaks. exact_gap : mm."""
         rounds = 6  # peaks move in at most 6 rounds
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; of edge points it is 1
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; edge points have 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -216,7 +216,7 @@ def _summits(gaps: Floats) -> Floats:
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
     """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap."""
-    higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
+    higher = 1.003  # the moved peak is made higher, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 

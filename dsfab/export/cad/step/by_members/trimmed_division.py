@@ -65,7 +65,7 @@ class HalvedOutline:
         """Yield pairs of places, ascending, whose chord is clear inside the outline.
         Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
         area that the chord cuts off. Each group has at most `times * TRIED / 2` pairs."""
-        least_width = 1 / 20  # mean width over the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
+        least_width = 1 / 20  # share of the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -75,7 +75,7 @@ class HalvedOutline:
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # outer chords have a negative area
+        order = order[least[order] > narrow * long[order]]  # chords outside cut off a negative area
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
@@ -135,7 +135,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
     """Return the largest ratio to its limit of gap, inner distance, and distances from the box and the mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles add the deflection
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -187,7 +187,7 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the face
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the old face
             if worse < least and not wide:
                 if self.times == 1:
                     return two

@@ -273,7 +273,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # of the thickness; at most a quarter of it counts as chord error, see `MOST_CHORD`
+        most_lift = 1 / 5  # share of the thickness; a quarter is the largest chord error, see `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -292,7 +292,7 @@ class Lifting:
         """Return (k, 6) vectors across the sheet from points (k, 6) to the skins near their middles."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam both skins are exchanged
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
         across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]

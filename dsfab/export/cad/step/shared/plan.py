@@ -99,7 +99,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # points on a skin halve the search time
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search from points on a skin takes half of the time
         share = self.limits.rounder[self.limits.nearest(upper)]
         return np.maximum(self._sum(share) / self.volumes, 0.0)
 

@@ -89,7 +89,8 @@ def sheet_of(sheet: DividedSheet, shift: int) -> SheetOutline:
     table = edge_table(F)
     _, piece = pieces(F, table)
     count = int(sheet.chart.max()) + 1
-    charts = np.stack(np.divmod(np.unique(F * count + sheet.chart[:, None]), count), axis=1)  # pairs as single numbers
+    pair_numbers = np.unique(F * count + sheet.chart[:, None])  # vertex times count plus chart
+    charts = np.stack(np.divmod(pair_numbers, count), axis=1)
     special = np.bincount(charts[:, 0], minlength=len(V)) > 2
     special[table.ends[table.boundary]] = True
     beyond = _half_edge_charts(sheet, len(V))

@@ -127,7 +127,8 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     """(m,) volumes between triangles V - D and V + D; V and D (n, 3)."""
     a, b, c = F.T
-    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # mean over V + s D, s from -1 to 1
+    # mean area vector of V + s D for s from -1 to 1
+    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 

@@ -60,7 +60,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # OCCT reads 6000 faces in one to two minutes; then no layout is tried
+        self.inspected, self.most = 0, 6000  # OCCT reads 6000 faces in 1 to 2 minutes; after these no layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()

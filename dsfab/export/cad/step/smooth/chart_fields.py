@@ -130,7 +130,7 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
     load = np.zeros((surface.n, count))
     for corner in range(3):
         np.add.at(load, (surface.F[:, corner], label), surface.areas / 3)
-    with one_blas_thread():  # with one thread all columns at once are fast, with more they are slow
+    with one_blas_thread():  # several threads would be slower for many columns
         step = splu(csc_array(diags_array(mass) + reach**2 * stiffness), **SYMMETRIC)
         fields = step.solve(load)
         for _ in range(SWEEPS - 1):

@@ -112,7 +112,7 @@ class EdgeTolerances:
 
     def in_space(self, run: OutlineRun, level: int) -> float:
         """Tolerance of the curves of a run in space."""
-        share = 1 / 50  # of the thickness
+        share = 1 / 50  # share of the thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
@@ -148,7 +148,7 @@ def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float
     A skin may wave along a simple plane curve; then more samples are taken.
     """
     results, todo = dict[int, Fitted](), list(range(len(parts)))
-    for finer in (1, 4, 16):  # factors of the number of samples
+    for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
         flat = [parts[i].flat(places) for i, places in zip(todo, x, strict=True)]
         skin_points = by_chart([parts[i].asked.chart for i in todo], flat, lambda k, uv: nodes.charts[k].skins(uv))

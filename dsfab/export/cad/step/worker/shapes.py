@@ -18,7 +18,7 @@ def read(path: Path) -> Any:
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = step_reader(path)
-        if reader is None:  # OCCT would crash
+        if reader is None:  # OCCT would crash if it went on
             raise ValueError("OCCT does not read it")
         reader.TransferRoots()
         shape = reader.OneShape()

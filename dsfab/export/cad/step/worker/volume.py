@@ -115,7 +115,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     span = i * (len(v) - 1) + j
     order = np.argsort(span)
     groups = np.split(order, np.flatnonzero(np.diff(span[order])) + 1)
-    # without BLAS, whose threads wait for each other on a busy machine
+    # einsum avoids BLAS, whose threads wait for each other on a busy machine
     terms = (np.einsum("ka,ab->kb", along_u[k], G[i[k[0]], :, j[k[0]], :]) * along_v[k] for k in groups)
     return sum(float(term.sum()) for term in terms)
 
