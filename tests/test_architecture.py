@@ -316,6 +316,29 @@ def test_parts_form_no_cycle():
             del remaining[part]
 
 
+STEP = "dsfab.export.cad.step"
+STEP_ROOMS = {"smooth": {"shared", "worker"}, "by_members": {"shared", "worker"}, "shared": set(), "worker": set()}
+"""Rooms of STEP files, and the rooms that each may import. The two kinds of curved solids share `shared` alone."""
+
+
+def forbidden_step_imports(graph: dict[str, set[str]]) -> list[str]:
+    """Imports from one room of STEP files to another that the table does not allow."""
+    return [
+        f"{name} -> {other}"
+        for room, allowed in STEP_ROOMS.items()
+        for name, others in graph.items()
+        for other in others
+        if name.startswith(f"{STEP}.{room}.")
+        and any(other.startswith(f"{STEP}.{each}.") for each in STEP_ROOMS.keys() - {room, *allowed})
+    ]
+
+
+def test_smooth_solids_and_solids_by_members_share_one_room_only():
+    assert forbidden_step_imports(dependencies()) == []
+    planted = {f"{STEP}.by_members.draft": {f"{STEP}.smooth.solid", f"{STEP}.shared.plan"}}
+    assert forbidden_step_imports(planted) == [f"{STEP}.by_members.draft -> {STEP}.smooth.solid"]
+
+
 def test_importing_dsfab_loads_no_heavy_library():
     code = (
         "import sys, dsfab; from dsfab import load_preset, run, revise, write, read_surface; "

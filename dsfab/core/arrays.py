@@ -35,6 +35,11 @@ def cross(a: Floats, b: Floats) -> Floats:
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=1)
 
 
+def plane_cross(a: Floats, b: Floats) -> Floats:
+    """Return the cross products (...) of vectors a and b (..., 2) in a plane: the area between them."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
 def lengths(vectors: Floats) -> Floats:
     """Return the lengths (...) of vectors (..., 3), in a third of the time of `np.linalg.norm`."""
     x, y, z = np.moveaxis(vectors, -1, 0)

@@ -34,6 +34,27 @@ def segment_spline(a: Floats, b: Floats) -> Spline:
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
+def polyline_length(line: Floats) -> float:
+    """Return the length of a polyline (k, d)."""
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def arc_lengths(line: Floats) -> Floats:
+    """Return the lengths (k,) along a polyline (k, d) from its first point to each point."""
+    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+
+
+def even_samples(line: Floats) -> tuple[Floats, Floats]:
+    """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
+
+    The number of intervals is a power of two.
+    """
+    count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
+    length = arc_lengths(line)
+    x = np.arange(count + 1) / count
+    return x, np.stack([np.interp(x * length[-1], length, column) for column in line.T], axis=1)
+
+
 def bernstein(x: Floats) -> Floats:
     """Return the cubic Bernstein polynomials (k, 4) at x (k,) in [0, 1]."""
     y, values = 1 - x, np.empty((len(x), 4))

@@ -1,6 +1,7 @@
 """STEP by members at round corners: arcs that go on as walls do, and borders that end on them steeply."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -123,7 +124,7 @@ def test_chords_are_round_but_not_walls_over_a_bent_mesh():
 def test_an_arc_is_no_line_with_a_border_between_members():
     net, points = corner_net((-215, -37))  # straight on from the arc's last chord
     chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
-    turn = patch_sides._Turns(chains, 5.0)
+    turn = partial(patch_sides._turn, chains, 5.0)
     side = [Quad(1, ([(4, False), (2, True)], [(3, True)], [(6, True)], []))]
     assert patch_sides._links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
     assert patch_sides._links(net, side, turn, set())[2, 0] == (4, 0)

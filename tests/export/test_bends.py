@@ -14,7 +14,7 @@ from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.by_members.region_division import LEAST_COSINE, level
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, net_of
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.surface import Surface
 from tests.export.test_network import T, draft_of, striped
 
@@ -38,7 +38,7 @@ def levelled(angle: float, sectors: int):
     """The net of a cap before and after, and the normals of its cells."""
     surface, sheet = cap(angle, sectors)
     part, _, _ = draft_of(surface, sheet)
-    plan = SmoothPlan(part)
+    plan = SolidPlan(part)
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
     net = net_of(sheet, surface.V, lifting.skins.normals, T)
     normals = surface.normals
@@ -81,10 +81,10 @@ def test_a_region_that_bends_is_written_once_it_is_divided(monkeypatch):
     """Parts whose surface is off their edges stay as they are here: to divide these takes most of the time."""
     monkeypatch.setattr(draft, "divided_faces", lambda model, faces, *_: list(faces.values()))
     part, _, _ = draft_of(*cap(1.6, 8))
-    assert member_draft(part, SmoothPlan(part)).faces > 2 * 9 + 8
+    assert member_draft(part, SolidPlan(part)).faces > 2 * 9 + 8
     monkeypatch.setattr(draft, "level", lambda net, *_: net)
     with pytest.raises(ExportError, match="bends too much"):
-        member_draft(part, SmoothPlan(part))
+        member_draft(part, SolidPlan(part))
 
 
 @pytest.mark.parametrize("way", [1, -1])

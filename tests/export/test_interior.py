@@ -10,14 +10,14 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.by_members import build
 from dsfab.export.cad.step.by_members.regions import INNER, MORE, RegionInterior
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from tests.export.test_network import cylinder_strip, draft_of, striped
 
 
 def test_long_cells_have_more_points_where_faces_are_to_be_fine():
     given = cylinder_strip()
     part, _, _ = draft_of(given, striped(given))
-    plan = SmoothPlan(part)
+    plan = SolidPlan(part)
     sheet = plan.curved.striped()
     few = RegionInterior(sheet, Lifting.from_sheet(plan.surface, plan.curved), 1.0)
     around = np.unique(sheet.F)[[0, -1]]

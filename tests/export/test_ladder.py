@@ -73,7 +73,7 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
     assert faces(path) < 30
     assert said[0].startswith("STEP is smooth")
     assert re.search(
-        r"; made however long it took, since faceted it would have [\d,]+ planar faces, more than", said[0]
+        r"; its time was not limited, because faceted it would have [\d,]+ planar faces, more than", said[0]
     )
     assert chosen(solid, step=StepOptions(curved=curved, faces=60)).way == "smooth"
     assert chosen(solid, step=StepOptions(curved=curved)).way == "faceted"
@@ -109,7 +109,7 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
             if not isinstance(one, BudgetError) and one.step != "faceted":
                 asked.append((one.step, one.hurry))
             if asked == [("members", 1)] and many:
-                with pytest.raises(ManyFacesError, match="more than 7000"):
+                with pytest.raises(ManyFacesError, match="more than the 7000"):
                     _require_few(one, 7001)
         return asked[2:]
 
@@ -212,7 +212,7 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
     ]
     many = NotByMembersError("by members it would have too many; ask", if_asked=True)
     told = str(strategies.refusal([many, ExportError("a gap"), BudgetError(part, 1152)]))
-    assert told.endswith("(tried too: by members it would have too many: ask for step = 'members'; a gap)")
+    assert told.endswith("(tried too: by members it would have too many: write step = 'members'; a gap)")
     assert str(strategies.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 
@@ -322,7 +322,7 @@ def test_who_cuts_in_cad_is_told_the_way_that_helps(slow_vault):
     assert strategies.way_to_cut(striped, []) == strategies.way_to_cut(striped, [few]) == "write step = 'members'"
     assert strategies.way_to_cut(striped, [few, vain]) == "write step = 'faceted'"
     assert strategies.way_to_cut(part, []) == "write step = 'faceted'"
-    assert strategies.reasons([few, vain]) == ["too many faces: ask for step = 'members'", "invalid"]
+    assert strategies.reasons([few, vain]) == ["too many faces: write step = 'members'", "invalid"]
     assert (
         strategies._not_by_members([NotByMembersError("by members it is off")]) == "; not by members, since it is off"
     )

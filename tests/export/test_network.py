@@ -25,7 +25,7 @@ from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetWriter, me
 from dsfab.export.cad.step.by_members.fillets import without_fillets
 from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
-from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quad_of
 from dsfab.export.cad.step.by_members.patches import (
     FaceLimits,
     _beyond_mesh,
@@ -39,7 +39,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, join
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.cad.step.worker import program, reports
 from dsfab.export.part import StripedSheet, part_of
@@ -388,7 +388,7 @@ def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
     surface = cylinder_strip()
     part, _, _ = draft_of(surface, striped(surface))
     path = tmp_path / "strip.step"
-    path.write_text(member_draft(part, SmoothPlan(part)).text, encoding="ascii")
+    path.write_text(member_draft(part, SolidPlan(part)).text, encoding="ascii")
     assert read_shipped(path, deflection=1e-3).deflection > 0
 
 
@@ -440,7 +440,7 @@ def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be(
     """What is near is nearer than it may be by less than it seems: its chord error is not asked for."""
     surface = cylinder_strip(columns=8)
     part, _, _ = draft_of(surface, striped(surface))
-    plan, up = SmoothPlan(part), 1000 * surface.V[surface.F[:5]].mean(axis=1)
+    plan, up = SolidPlan(part), 1000 * surface.V[surface.F[:5]].mean(axis=1)
     points = np.concatenate([up + [0, 0, 100.0], part.V[:5]])
     away = nearest_places(points, part.V, part.F).distance
     np.testing.assert_allclose(
@@ -453,7 +453,7 @@ def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be(
 def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     surface = cylinder_strip()
     part, _, _ = draft_of(surface, striped(surface))
-    draft = member_draft(part, SmoothPlan(part))
+    draft = member_draft(part, SolidPlan(part))
     assert (draft.solids, draft.trimmed) == (1, 0)
     assert draft.text.count("=B_SPLINE_SURFACE_WITH_KNOTS(") == draft.faces == draft.text.count("=ADVANCED_FACE(")
     edges, used = draft.text.count("=EDGE_CURVE("), draft.text.count("=ORIENTED_EDGE(")
@@ -542,10 +542,10 @@ def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(mon
         chain.Q[:, 5] -= 0.1
     fits, asked = object.__new__(draft._Fits), list[int]()
     fits.reach, fits.quads = 0.01, {}
-    monkeypatch.setattr(draft, "quads_of", lambda net, *some: asked.extend(net.loops) or quads_of(net, *some))
+    monkeypatch.setattr(draft, "quad_of", lambda region, *some: asked.append(region) or quad_of(region, *some))
     (first,), others = fits._quads(net, chains)
-    (quad,), rest = quads_of(net, chains, 0.01)
-    assert (first.region, first.sides, others) == (quad.region, quad.sides, rest) == (0, quad.sides, [1])
+    quad = quad_of(0, net.loops[0], chains, 0.01)
+    assert (first.region, first.sides, others) == (0, quad.sides, [1])
     assert fits._quads(net, chains)[0][0] is first
     assert asked == [0, 1]
     fits._quads(net, chains | {1: replace(chains[1])})
@@ -562,8 +562,8 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
         k: SampledChain(np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float), True) for k, (a, b) in ends.items()
     }
     net, _, _ = rectangle_net(arc=False)
-    (quad,), others = quads_of(net, chains, 0.01)
-    assert others == [1]
+    quad = quad_of(0, net.loops[0], chains, 0.01)
+    assert quad_of(1, net.loops[1], chains, 0.01) is None
     curves = {k: curves_through([chain.Q], [0.1])[0] for k, chain in chains.items()}
     apart = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()])
     stations = SideStations(apart, chains)
@@ -588,7 +588,7 @@ def test_a_crossing_goes_back_to_patches_where_one_surface_is_not_near(monkeypat
     part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
     monkeypatch.setattr("dsfab.export.cad.step.by_members.model.MOST_CELLS", 0)
     monkeypatch.setattr(draft, "_close", lambda face, plan: near)
-    made = member_draft(part, SmoothPlan(part))
+    made = member_draft(part, SolidPlan(part))
     assert (made.trimmed, made.faces) == (trimmed, 2 * 3 + 6)
 
 
@@ -646,7 +646,7 @@ def test_chains_on_a_side_of_a_region_are_one_line_on_which_a_third_ends():
     given = cylinder_strip()
     angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
     part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
-    made = member_draft(part, SmoothPlan(part))
+    made = member_draft(part, SolidPlan(part))
     edges, used = made.text.count("=EDGE_CURVE("), made.text.count("=ORIENTED_EDGE(")
     assert (made.trimmed, used) == (0, 2 * edges)
     assert made.faces == 2 * 3 + 6
@@ -803,7 +803,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
     model = NetModel(vertices=[part[0] for part in parts])
     model.edges += [NetEdge(i, (i + 1) % 5, part) for i, part in enumerate(parts)]
     model.patches.append(NetPatch([(i, True) for i in range(5)], P))
-    NetWriter(new := StepEntities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([], {})
     points = {
         int(n): np.array(x.split(","), float)
         for n, x in re.findall(r"#(\d+)=CARTESIAN_POINT\('',\((.*?)\)\)", "".join(new.text))
@@ -826,9 +826,9 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
 def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
-    assert member_draft(part, SmoothPlan(part)).faces > 10
-    with pytest.raises(ManyFacesError, match=r"more than 10, which take too long to be tried unasked$"):
-        member_draft(replace(part, hurry=1), SmoothPlan(part))
+    assert member_draft(part, SolidPlan(part)).faces > 10
+    with pytest.raises(ManyFacesError, match=r"more than the 10 that are tried without a request$"):
+        member_draft(replace(part, hurry=1), SolidPlan(part))
 
 
 @pytest.mark.slow
@@ -865,9 +865,9 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
 def test_members_of_which_occt_draws_no_solid_are_refused(here):
     """A triangle is turned over: `dsfab check` would fail the file."""
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
-    made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
+    made, off = member_draft(part, made_of := SolidPlan(part)), DEFLECTION * made_of.limits.distance
     seen = []
-    found = reports.whole_findings(None, made.text, off, 60, seen.append)
+    found = reports.findings(None, made.text, off, 60, seen.append)
     assert [one["valid"] for one in here] == [True]
     (mesh,) = seen
     assert mesh.solids == 1

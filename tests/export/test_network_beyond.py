@@ -25,7 +25,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import (
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, backwards, filled_corners
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.cad.step.entities import StepEntities, closing, header
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.worker import use
 from dsfab.export.cad.step.worker.shapes import is_valid
 from dsfab.export.cad.step.worker.shapes import read as read_shape
@@ -212,7 +212,7 @@ def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monk
     monkeypatch.setattr(use, "FILLETS", 12)
     found = list[tuple[int, int]]()
     for _ in range(2):
-        (path := tmp_path / "chevron.step").write_text(member_draft(part, SmoothPlan(part)).text)
+        (path := tmp_path / "chevron.step").write_text(member_draft(part, SolidPlan(part)).text)
         shape = read_shape(path)
         assert is_valid(shape)
         found.append(use._fillet_counts(shape))

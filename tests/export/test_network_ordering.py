@@ -10,7 +10,7 @@ from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, LONGEST_SHARE, _stops, with_ordered_walls
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.worker import use
 from dsfab.export.cad.step.worker.shapes import read
 from dsfab.surface import Surface
@@ -153,9 +153,9 @@ def test_occt_rounds_all_corners_of_openings_in_a_sphere(tmp_path, monkeypatch):
     """8 of 20, were walls in no order."""
     surface, sheet = ball_grid()
     part, _, _ = draft_of(surface, sheet)
-    (path := tmp_path / "grid.step").write_text(member_draft(part, SmoothPlan(part)).text)
+    (path := tmp_path / "grid.step").write_text(member_draft(part, SolidPlan(part)).text)
     monkeypatch.setattr(use, "FILLETS", 20)
     assert use._fillet_counts(read(path)) == (20, 20)
     monkeypatch.setattr(draft, "with_ordered_walls", lambda model, faces: (model, faces))
-    path.write_text(member_draft(part, SmoothPlan(part)).text)
+    path.write_text(member_draft(part, SolidPlan(part)).text)
     assert use._fillet_counts(read(path))[0] < 12

@@ -19,7 +19,7 @@ from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patches import FaceLimits, coons
 from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.entities import StepEntities
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.splines import bernstein
 from tests.export.test_network import cylinder_strip, draft_of, grid
 
@@ -118,7 +118,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
     model = NetModel(vertices=[side[0] for side in sides])
     model.edges += [NetEdge(i, (i + 1) % 4, side) for i, side in enumerate(sides)]
     model.patches.append(NetPatch([(i, True) for i in range(4)], P))
-    NetWriter(new := StepEntities(), model, 40.0).faces([])
+    NetWriter(new := StepEntities(), model, 40.0).faces([], {})
     text = "".join(new.text)
     assert sorted(re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',(\d)", text)) == ["2"] * 6 + ["3"] * 2  # on each skin
     assert re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text) == [("3", "2")] * 2
@@ -138,7 +138,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
 def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree_3():
     """The outlines of these are curves of a quarter of a turn."""
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
-    text = member_draft(part, SmoothPlan(part)).text
+    text = member_draft(part, SolidPlan(part)).text
     degrees = re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text)
     assert [degrees.count(both) for both in (("2", "2"), ("2", "1"))] == [4, 4]
     assert degrees.count(("3", "3")) >= 8

@@ -101,7 +101,7 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
     usual = {"plain": 1.0, "volume": 1.0, "valid": True, "sound": 2, "boxed": True, "closed": True, "again": True}
     usual |= {"missed": [0.0], "box_missed": 0.0}
     with pytest.raises(ExportError, match=words):
-        build._require_use(None, None, usual | said)
+        build._require_use(usual | said)
 
 
 def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):

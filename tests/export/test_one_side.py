@@ -14,7 +14,8 @@ import dsfab
 from dsfab.core.errors import ExportError
 from dsfab.design.output.files import curved_sheet, opened_surface
 from dsfab.export.cad.step.by_members.build import member_file
-from dsfab.export.cad.step.by_members.draft import member_draft, member_plan
+from dsfab.export.cad.step.by_members.draft import member_draft
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.part import StripedSheet, part_of
@@ -101,7 +102,7 @@ def uses_of_edges(text: str) -> Counter[tuple[str, str]]:
 def test_members_of_a_strip_with_one_side_close():
     """Every edge of the file is run through once each way: no wall is where the strip was cut open."""
     part, _ = part_with_ladder()
-    text = member_draft(part, member_plan(part)).text
+    text = member_draft(part, SolidPlan(part)).text
     uses = uses_of_edges(text)
     edges = set(re.findall(r"#(\d+)=EDGE_CURVE", text))
     assert set(uses) == {(e, way) for e in edges for way in "TF"}

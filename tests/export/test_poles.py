@@ -10,7 +10,7 @@ from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.by_members.lines import ChainLine
 from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, _stray_distances
 from dsfab.export.cad.step.by_members.trimmed import _surface
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from tests.export.test_network import cylinder_strip, draft_of, striped
 
 
@@ -46,7 +46,6 @@ def test_patches_beside_the_skins_are_told_by_their_middles():
         return way
 
     assert _stray_distances([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
-    assert _stray_distances([], away).shape == (0,)
 
 
 def test_patches_are_made_anew_only_where_a_curve_around_is_another():
@@ -85,13 +84,13 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     given = cylinder_strip()
     angle = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2)
     part, _, _ = draft_of(given, striped(given, label=(2 * angle).astype(np.int64)))
-    assert member_draft(part, SmoothPlan(part)).trimmed == 0
-    limit = SmoothPlan(part).limits.distance
+    assert member_draft(part, SolidPlan(part)).trimmed == 0
+    limit = SolidPlan(part).limits.distance
     off = limit * np.array([1.0, 1.1])
     monkeypatch.setattr(
         "dsfab.export.cad.step.by_members.patches._stray_distances", lambda patches, _: off[-len(patches) :]
     )
-    assert member_draft(part, SmoothPlan(part)).trimmed == 2
+    assert member_draft(part, SolidPlan(part)).trimmed == 2
 
 
 @pytest.mark.parametrize("turn", [1, -1])

@@ -10,13 +10,14 @@ from dsfab.core.errors import ExportError
 from dsfab.design.output.files import curved_sheet
 from dsfab.export import write
 from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.shared import sheet_outline
+from dsfab.export.cad.step.shared.sheet_outline import WALL, OutlineRun
 from dsfab.export.cad.step.shared.skins import dense_surface, excess_volumes, prisms
 from dsfab.export.cad.step.smooth import acceptance, build, edges
 from dsfab.export.cad.step.smooth import acceptance as plan
-from dsfab.export.cad.step.smooth import layout as outline
+from dsfab.export.cad.step.smooth.chart_fields import chart_fields
 from dsfab.export.cad.step.smooth.charts import SplinePatch, patch_through
 from dsfab.export.cad.step.smooth.edges import OutlineNodes
-from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, chart_fields
 from dsfab.export.splines import Spline, basis, hats, segment_spline, splines_through
 from dsfab.slicing import cut
 from dsfab.surface import Surface
@@ -66,13 +67,13 @@ def test_the_width_of_a_loop_is_a_circles_radius_and_a_slits_width():
     slit = np.array([[0, 0, 0], [100, 0, 0], [100, 0.5, 0], [0, 0.5, 0]]) @ turn
     for line, width in ((circle, 3.0), (slit, 0.5)):
         length = np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum()
-        assert outline._width(line, length) == pytest.approx(width, rel=0.01)
+        assert sheet_outline._width(line, length) == pytest.approx(width, rel=0.01)
 
 
 def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
     uv = np.random.default_rng(0).uniform(-1, 1, (600, 2))
     height = lambda p: 0.3 * p[:, 0] ** 3 - 0.2 * p[:, 0] * p[:, 1] ** 2 + 0.1 * p[:, 1]  # noqa: E731
-    patch = patch_through(uv, np.c_[uv, height(uv)], np.ones(600), (7, 9), 1e-12)
+    patch, _ = patch_through(uv, np.c_[uv, height(uv)], np.ones(600), (7, 9), 1e-12)
     at = np.random.default_rng(1).uniform(-0.9, 0.9, (50, 2))
     assert patch(at) == pytest.approx(np.c_[at, height(at)], abs=1e-6)
     point, a, b = patch.slopes(at)
@@ -222,13 +223,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
-    honest = acceptance.PieceJudge._verdict
+    honest = acceptance._verdict
 
-    def harsh(self, k, piece, found, away):
+    def harsh(gate, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(self, k, piece, found, away)
+        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
+    monkeypatch.setattr(acceptance, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]
@@ -245,14 +246,14 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypa
 def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatch, refused):
     """A seam passed .1 mm beside an opening: four of ten surfaces got no STEP for such places in the first layout."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    honest, layouts = acceptance.PieceJudge._verdict, []
+    honest, layouts = acceptance._verdict, []
 
-    def harsh(self, k, piece, found, away):
-        layouts.extend([self] * (self not in layouts))
-        some = layouts.index(self) < refused
-        return acceptance.Acceptance("it is disliked") if some else honest(self, k, piece, found, away)
+    def harsh(gate, k, piece, found, away):
+        layouts.extend([gate] * (gate not in layouts))
+        some = layouts.index(gate) < refused
+        return acceptance.Acceptance("it is disliked") if some else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance.PieceJudge, "_verdict", harsh)
+    monkeypatch.setattr(acceptance, "_verdict", harsh)
     monkeypatch.setattr(plan, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
     _, _, said = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step", "quick")
     assert len(layouts) == min(refused + 1, 3)
@@ -276,7 +277,7 @@ def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
     monkeypatch.setattr(plan, "MOST_WALLS", 3)
     _, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
     assert said[0].startswith("STEP is faceted")
-    assert "would have 4 walls, more than 3" in said[0]
+    assert "would have 4 walls, more than the 3" in said[0]
     assert len(shape.faces()) > 100
 
 

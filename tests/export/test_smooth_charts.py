@@ -9,13 +9,13 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.design.output.files import _where_largest, curved_sheet
 from dsfab.export import StepOptions, write
+from dsfab.export.cad.step.shared.sheet_outline import WALL, sheet_of
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.cad.step.smooth import acceptance, charts
 from dsfab.export.cad.step.smooth import charts as points
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.smooth.charts import ChartAtlas, fitted_surface
 from dsfab.export.cad.step.smooth.edges import run_key
-from dsfab.export.cad.step.smooth.layout import WALL, sheet_of
 from dsfab.export.part import DividedSheet, part_of
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface

@@ -9,8 +9,8 @@ from scipy.sparse.linalg import spsolve
 from dsfab.export import splines
 from dsfab.export.cad.step.entities import StepEntities, step_list
 from dsfab.export.cad.step.shared.skins import prisms
-from dsfab.export.cad.step.smooth import charts, layout, solid
-from dsfab.export.cad.step.smooth.edges import by_chart, even_samples
+from dsfab.export.cad.step.smooth import chart_fields, charts, solid
+from dsfab.export.cad.step.smooth.edges import by_chart
 from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothText
 from dsfab.export.cad.step.worker.reports import distinct_points
 from dsfab.export.splines import splines_through
@@ -64,7 +64,7 @@ def test_cubics_are_the_nearest_with_their_ends_where_they_are():
 def test_samples_of_a_polyline_are_even_and_their_number_is_a_power_of_two():
     for n in (2, 3, 5, 17, 300):
         line = np.random.default_rng(n).random((n, 2))
-        x, Q = even_samples(line)
+        x, Q = splines.even_samples(line)
         assert len(x) - 1 == 2 ** np.ceil(np.log2(np.clip(16 * n, 64, 4096)))
         length = np.r_[0, np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))]
         assert pytest.approx(np.c_[[np.interp(x * length[-1], length, c) for c in line.T]].T) == Q
@@ -105,7 +105,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
 def test_nearest_points_of_many_are_those_of_each():
     rng = np.random.default_rng(0)
     uv = rng.uniform(-1, 1, (500, 2))
-    patch = charts.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
+    patch, _ = charts.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
     at = rng.uniform(-0.9, 0.9, (40, 2))
     P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
     found = patch.nearest(P, at)
@@ -194,7 +194,7 @@ def test_chords_that_cross_are_those_of_all_pairs():
 def test_the_face_nearest_to_the_middle_of_each_cluster():
     surface = grid(6, 4, 3.0, 2.0)
     label = np.arange(surface.m) % 3
-    found = layout._middles(surface, label)
+    found = chart_fields._middles(surface, label)
     assert label[found].tolist() == [0, 1, 2]
     for k, f in enumerate(found):
         mine = label == k
@@ -206,14 +206,14 @@ def test_the_face_nearest_to_the_middle_of_each_cluster():
 def test_fields_that_did_not_move_are_those_solved_again():
     surface = sphere(edge=0.3)
     label = np.argmax(surface.centroids @ np.vstack([np.eye(3), -np.eye(3)]).T, axis=1)
-    fields = layout._diffused_fields(surface, label, 1.0)
-    mass, stiffness = layout.voronoi_mass(surface), -layout.igl.cotmatrix(surface.V, surface.F)
+    fields = chart_fields._diffused_fields(surface, label, 1.0)
+    mass, stiffness = chart_fields.voronoi_mass(surface), -chart_fields.igl.cotmatrix(surface.V, surface.F)
     radius = np.sqrt(np.bincount(label, surface.areas) / np.pi)
-    reach = layout.REACH * max(np.percentile(radius, 10), 4 * surface.mean_edge)
+    reach = chart_fields.REACH * max(np.percentile(radius, 10), 4 * surface.mean_edge)
     load = np.stack(
         [np.bincount(surface.F.ravel(), np.repeat((label == k) * surface.areas / 3, 3)) for k in range(6)], 1
     )
-    for _ in range(layout.SWEEPS):
+    for _ in range(chart_fields.SWEEPS):
         wanted = spsolve(csc_array(diags_array(mass) + reach**2 * stiffness), load)
         load = mass[:, None] * (wanted.argmax(axis=1)[:, None] == np.arange(6))
     assert fields == pytest.approx(wanted, abs=1e-9)
@@ -238,7 +238,7 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
         found[0] += 100.0
         return None, found
 
-    monkeypatch.setattr(charts, "_through", through)
+    monkeypatch.setattr(charts, "patch_through", through)
     fit = charts.fitted_surface(uv, Q, inside, weight, 0.5, **how)
     assert left == []
     assert fit.off == offs[-1] / 2

@@ -10,7 +10,7 @@ from dsfab import __version__
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
-from dsfab.export.cad.step.planar import FLATNESS, Polyhedron
+from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, polyhedron
 from dsfab.export.curves import Curve
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
@@ -21,10 +21,10 @@ COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
 DIGITS = 6
-"""Decimals (of millimetres) of curve coordinates, and of the vertices in which coplanar triangles are searched."""
+"""Decimals (of millimetres) of curve coordinates, and of the vertices among which coplanar triangles are searched."""
 
 DIRECTION_DIGITS = 11
-"""Decimals of directions; the rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
+"""Decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
 
 FIRST_FREE = 19
 """First free entity number after the header of the file."""
@@ -38,7 +38,7 @@ KnotText = tuple[str, str]
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
-    """Return the name of each piece: `dome` for a single piece, or `dome 1`, `dome 2` ..."""
+    """Return the name of a piece: `dome` for a single piece, or `dome 1`, `dome 2` ..."""
     return one_line(name) if pieces == 1 else f"{one_line(name)} {i + 1}"
 
 
@@ -46,7 +46,7 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
     """Yield solids, products, colours and the end of the file, numbered from `free`.
 
     shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
-    The header holds the product of the first piece; all other pieces get their own.
+    The header holds the product of the first piece; each other piece gets a product here.
     """
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
@@ -77,7 +77,7 @@ class StepEntities:
         return self.free - 1
 
     def add(self, body: str, shared: bool = False) -> int:
-        """Add an entity and return its number. shared : return the number of an equal entity if there is one."""
+        """Add an entity and return its number. shared : return the number of an equal entity if the file has one."""
         if shared:
             return self.once(body)
         self.text.append(f"#{self.free}={body};\n")
@@ -129,8 +129,7 @@ class StepEntities:
     def spline(self, degree: int, poles: list[int], knots: KnotText, title: str = "", shared: bool = False) -> int:
         """Add a spline curve through numbered poles.
 
-        Edges of spline faces use splines for lines too, because a polyline needs three points there (ISO 10303-511,
-        advanced_face).
+        A line is a spline here, because a polyline at a spline face needs three points (ISO 10303-511, advanced_face).
         """
         return self.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{degree},{references(poles)},.UNSPECIFIED.,.F.,.F.,"
@@ -228,7 +227,7 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 
 
 def _solid(entity_list: StepEntities, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """Add a solid with one outer shell and voids. The shells of voids face outwards, so their entities reverse them."""
+    """Add a solid with one outer shell and voids. Shells of voids face outwards, so their entities reverse them."""
     shells = [entity_list.add(f"CLOSED_SHELL('',{references(faces[shell == i].tolist())})") for i in [outer, *voids]]
     inner = [entity_list.add(f"ORIENTED_CLOSED_SHELL('',*,#{k},.F.)") for k in shells[1:]]
     if not inner:
@@ -245,7 +244,7 @@ def step_string(name: str) -> str:
 FACETED_DIGITS = 5
 """Decimals of corners of planar faces: the file states a precision of 1e-5 mm. Planes are searched before rounding."""
 
-_POINT = f"CARTESIAN_POINT('',(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f))"
+_COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
 
 _HEADER = """ISO-10303-21;
@@ -277,9 +276,15 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 """
 
 
+def outward_polyhedron(part: Part) -> tuple[Polyhedron, list[list[int]]]:
+    """Return a part's planar faces, and the shells of each solid; a void's shell faces outwards, as in STEP."""
+    shell, solids = solids_of(part)
+    inward = np.isin(shell, [i for _, *inner in solids for i in inner])
+    return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids
+
+
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """Yield the file of a polyhedron. solids : shells of each solid, the outer one first, then voids that face
-    outwards."""
+    """Yield the file of a polyhedron. solids : shells of each solid, the outer one first, then outward voids."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST_FREE)
     yield from texts
@@ -293,7 +298,8 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
     normals = distinct_rows(np.round(shape.normals, digits))
     v, d, e, f = (len(x) for x in (shape.points, vectors[0], shape.edges, shape.normals))
     s, o, n = len(shape.steps), len(shape.loops) - 1, len(normals[0])
-    blocks = _blocks([v, v, d, d, e, e, s, o, o, n, f, f, f], start)
+    counts = [v, v, d, d, e, e, s, o, o, n, f, f, f]
+    blocks = [range(a, b) for a, b in pairwise(accumulate(counts, initial=start))]
     return _tables(shape, vectors, normals, digits, blocks), np.array(blocks[12]), blocks[12].stop
 
 
@@ -308,7 +314,7 @@ def _tables(
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
-    yield from _table(points, _POINT, *(_corners(shape) / 10**FACETED_DIGITS).T)
+    yield from _table(points, f"CARTESIAN_POINT('',{_COORDINATES})", *(_corners(shape) / 10**FACETED_DIGITS).T)
     yield from _table(vertices, "VERTEX_POINT('',#%d)", points)
     yield from _table(dirs, _RATIOS, *vectors[0].T)
     yield from _table(units, "VECTOR('',#%d,1.)", dirs)
@@ -349,11 +355,10 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the length of the text of `entities` from numbers of rows, to 10 %; shared directions make the text
-    shorter."""
+    """Estimate the length of the text of `entities` from numbers of rows; 10 % off at most."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
-    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # characters of '#' and number
+    reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of '#' and a number
     digits = np.log10(max(np.abs(shape.points).max(), 1.0)) + FACETED_DIGITS + 1.5
     ratio = np.log10(np.abs(_ratios(shape)) + 1).mean() + 2.5
     point, direction = 25 + reference + 3 * digits, 20 + reference
@@ -376,12 +381,8 @@ def header(name: str, description: str, pieces: int = 1) -> str:
     )
 
 
-def _blocks(counts: list[int], begin: int) -> list[range]:
-    return [range(a, b) for a, b in pairwise(accumulate(counts, initial=begin))]
-
-
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """Yield one entity per row, without zeros at the end of decimals because these fill a quarter of the file."""
+    """Yield one entity per row, without zeros at the end of decimals because these zeros fill a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
@@ -413,10 +414,14 @@ def tessellated_entities(part: Part) -> Iterator[str]:
     entity_list = StepEntities(FIRST_FREE)
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)
-        title, triangles = piece_name(part.name, i, len(solids)), corner.reshape(-1, 3) + 1
-        yield from _coordinates(entity_list, part.V[used])
-        yield from _face(entity_list, len(used), triangles)
-        yield from _product(entity_list, i, title)
+        number, face = entity_list.next(), entity_list.next()
+        yield f"#{number}=COORDINATES_LIST('',{len(used)},("
+        yield from comma_separated_rows(f"{_COORDINATES},\n", *part.V[used].T)
+        # one face with all triangles, without normals or exact geometry; point i is row i of the coordinates
+        yield f"));\n#{face}=TRIANGULATED_FACE('',#{number},{len(used)},(),$,(),("
+        yield from comma_separated_rows("(%d,%d,%d),\n", *(corner.reshape(-1, 3) + 1).T)
+        yield "));\n"
+        yield from _product(entity_list, i, piece_name(part.name, i, len(solids)))
     yield "ENDSEC;\nEND-ISO-10303-21;\n"
 
 
@@ -424,20 +429,6 @@ def expected_bytes(part: Part) -> float:
     """Estimate the length of the text of `tessellated_entities`."""
     digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
-
-
-def _coordinates(entity_list: StepEntities, points: Floats) -> Iterator[str]:
-    yield f"#{entity_list.next()}=COORDINATES_LIST('',{len(points)},("
-    yield from comma_separated_rows(f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f),\n", *points.T)
-    yield "));\n"
-
-
-def _face(entity_list: StepEntities, count: int, triangles: Ints) -> Iterator[str]:
-    """Yield one face with all triangles, without normals or exact geometry; point i is row i of the coordinates."""
-    number = entity_list.next()
-    yield f"#{number}=TRIANGULATED_FACE('',#{number - 1},{count},(),$,(),("
-    yield from comma_separated_rows("(%d,%d,%d),\n", *triangles.T)
-    yield "));\n"
 
 
 def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
@@ -451,8 +442,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
-    """Return the content read back; raises ExportError unless OCCT reports the part's triangles, and its volume to
-    0.1 %."""
+    """Return the content read back; raises ExportError unless OCCT reports the same triangles and volume (0.1 %)."""
     if report["triangles"] != len(part.F):
         raise count_error(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:

@@ -8,18 +8,23 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION, READ_BACK
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step import entities as tessellated
 from dsfab.export.cad.step import strategies
 from dsfab.export.cad.step.by_members.build import member_file
-from dsfab.export.cad.step.entities import StepEntities, entities, faceted_bytes, header, references, step_string
+from dsfab.export.cad.step.entities import (
+    StepEntities,
+    entities,
+    faceted_bytes,
+    header,
+    outward_polyhedron,
+    references,
+    step_string,
+)
 from dsfab.export.cad.step.file_size import BudgetError
 from dsfab.export.cad.step.folded_sheets import planar_file
-from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.cad.step.soundness import smooth_use, step_fault
 from dsfab.export.cad.step.worker.reports import occt_report
@@ -34,17 +39,18 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time limit for reading back, several times the measured time; OCCT's check of very long outlines may never finish."""
+"""Limits of the time for reading back: a constant part, and seconds per face. Both are several times the measured
+time; OCCT's check of very long outlines may never finish."""
 
 LIGHT = 8.0
-"""Size in megabytes below which a faceted file is better than a smooth file that OCCT cannot cut."""
+"""Size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
 
-    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError if it has too many
-    faces; raises BudgetError later if the file becomes too large.
+    Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
+    Raises BudgetError later if the file becomes too large.
     """
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
@@ -75,11 +81,7 @@ def _encode_tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _encode_faceted(part: Part) -> tuple[int, float, Iterable[str]]:
-    shell, solids = solids_of(part)
-    voids = [i for _, *inner in solids for i in inner]
-    inward = np.isin(shell, voids)
-    F = np.where(inward[:, None], part.F[:, ::-1], part.F)  # a STEP void is a shell that faces outwards, reversed
-    shape = polyhedron(part.V, F, shell)
+    shape, solids = outward_polyhedron(part)
     return len(shape.normals), faceted_bytes(shape), entities(shape, solids, part.name)
 
 
@@ -90,7 +92,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _encode_faceted,
     "tessellated": _encode_tessellated,
 }
-"""Functions of each strategy; they return the number of faces that count, the approximate bytes, and the text."""
+"""Functions of each strategy; each returns the number of faces that count, the approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
@@ -106,8 +108,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
 
-    The exporter has already measured files by members and smooth files, so here the disk must hold the same bytes. If
-    a smooth file was cut on trial, its triangles by OCCT must also bound a solid.
+    The exporter has already measured files by members and smooth files, so the file must hold the same bytes. If a
+    smooth file was cut on trial, its triangles by OCCT must also bound a solid.
     """
     if part.step == "members":
         file = member_file(part)
@@ -123,11 +125,9 @@ def check(part: Part, path: Path) -> ReadBack:
     report = inspection(part, path)
     if part.step == "tessellated":
         return tessellated.check(part, report)
-    solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
-    if report["solids"] != solids:
-        raise count_error(part, "solids", solids, report["solids"])
-    if report["faces"] != faces:
-        raise count_error(part, "faces", faces, report["faces"])
+    faces = path.read_bytes().count(b"=ADVANCED_FACE(")
+    _require_count(part, "solids", len(solids_of(part)[1]), report)
+    _require_count(part, "faces", faces, report)
     if not report["valid"]:
         raise ExportError(
             f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
@@ -139,6 +139,11 @@ def check(part: Part, path: Path) -> ReadBack:
         )
     volume_error = report["volume"] / part.volume - 1
     return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))
+
+
+def _require_count(part: Part, kind: str, count: int, report: dict[str, Any]) -> None:
+    if report[kind] != count:
+        raise count_error(part, kind, count, report[kind])
 
 
 def _require_same(part: Part, path: Path, text: str) -> None:
@@ -167,7 +172,7 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
     """Yield a zip archive whose only entry has the name of the part."""
-    level = 6  # deflate at level 9 takes five times as long and saves 2 %
+    level = 6  # level 9 of deflate takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0
@@ -207,20 +212,20 @@ def encode_brep(part: Part) -> Iterator[bytes]:
 
 def check_brep(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
-    report, solids = inspection(part, path), len(solids_of(part)[1])
-    if report["solids"] != solids:
-        raise count_error(part, "solids", solids, report["solids"])
+    report = inspection(part, path)
+    _require_count(part, "solids", len(solids_of(part)[1]), report)
     if not (report["valid"] and report["tessellates"]):
         raise ExportError(f"OCCT finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
     if part.step not in ("smooth", "members"):
         return ReadBack(report["faces"], "faces", check_measure(part, report["volume"]))
     if part.step == "members":
-        if not abs(report["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
+        volume = member_file(part).volume
+        if not abs(report["volume"] - volume) <= READ_BACK * volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
-        return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
-    smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
-    if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
-        raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
+    else:
+        smooth = smooth_file(part)  # the mesh cuts curves short and has less volume
+        if smooth.smooth == smooth.pieces and not abs(report["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
+            raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(report["faces"], "faces", report["volume"] / part.volume - 1)
 
 
@@ -270,6 +275,5 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 def check_lines_file(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
     report = inspection(part, path)
-    if report["lines"] != len(part.details.lines):
-        raise count_error(part, "lines", len(part.details.lines), report["lines"])
+    _require_count(part, "lines", len(part.details.lines), report)
     return ReadBack(report["lines"], "lines", check_length(part, report["length"]), "length")

@@ -1,4 +1,4 @@
-"""Size of a STEP file: the limit, the cost of a file, and simplified meshes that meet the limit."""
+"""Size of a STEP file: its limit, its cost, and simplified meshes that meet the limit."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,12 +17,12 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
 LOADING_SECONDS = 1.5
-"""Least time for reading back in seconds, because a new process loads OCCT."""
+"""Shortest time (seconds) for reading back, because a new process loads OCCT."""
 
 
 @dataclass(frozen=True)
 class StrategyCost:
-    """Cost of one face: seconds to write and read back, seconds for another program to open it, and its memory."""
+    """Cost of one face: seconds to write and read back, seconds to open in another program, and bytes of memory."""
 
     write: float
     open: float
@@ -54,14 +54,12 @@ class BudgetError(ExportError):
     @property
     def strategy(self) -> str:
         """Name of the strategy, with its tolerance."""
-        tolerance_text = (
-            f" within {self.part.tolerance:.2g} mm" if self.way == "simplified" and self.part.tolerance else ""
-        )
-        return self.way + tolerance_text
+        is_within = self.way == "simplified" and self.part.tolerance
+        return f"{self.way} within {self.part.tolerance:.2g} mm" if is_within else self.way
 
     @property
     def excess(self) -> str:
-        """Amount beyond the limit, as the end of "it would have ..."."""
+        """Faces or size beyond the limit, for a sentence that begins with "it would have"."""
         if self.by_faces:
             about = "about " if self.way == "simplified" else ""
             return f"{about}{self.faces:,} {'planar ' if self.way not in ('smooth', 'members') else ''}faces"
@@ -174,14 +172,12 @@ def _tried(part: Part, step: float) -> tuple[Part, float]:
 
 
 def _sound(part: Part, simple: Part, crossing: int) -> bool:
-    """Return whether the part is closed, keeps its volume to 0.5 %, and has no more crossing triangles than before."""
     unchanged = abs(simple.volume / part.volume - 1) <= CHANGED_VOLUME and not open_edges(simple.F)
     return unchanged and len(intersecting_pairs(simple.V, simple.F)) <= crossing
 
 
 def distance(V: Floats, F: Ints, V2: Floats, F2: Ints) -> float:
-    """Return the largest distance between two triangle meshes, in both directions.
-    Samples are the vertices and the centres of edges and triangles."""
+    """Return the largest distance between two meshes, both ways, at vertices and centres of edges and triangles."""
     forth, back = nearest_places(_samples(V, F), V2, F2).squared, nearest_places(_samples(V2, F2), V, F).squared
     return float(np.sqrt(max(forth.max(), back.max())))
 

@@ -15,7 +15,7 @@ from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3
-"""Distance (mm) within which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
+"""Distance (mm) up to which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
 
 WIDTH_SHARE = 0.1
 """Largest tolerance of a loop, as a share of its area over its length, so that slits and dots keep their shape."""
@@ -76,7 +76,7 @@ def outlines_of(part: Part) -> FlatOutlines:
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
-    for axis in across[::-1]:  # the normal of the skins is usually the last axis, because they are most of the area
+    for axis in across[::-1]:  # usually the last axis is the skins' normal, because skins are most of the area
         axis = axis * np.sign(axis[np.abs(axis).argmax()])
         height = part.V @ axis
         low, high = float(height[used].min()), float(height[used].max())

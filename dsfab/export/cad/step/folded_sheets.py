@@ -1,6 +1,5 @@
 """Folded sheets in STEP: flat facets that share straight folds, ruled walls, and their entities."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -8,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums, unit_vectors
 from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
@@ -25,22 +24,20 @@ from dsfab.export.cad.step.flat_sheets import (
     signed_loop_area,
 )
 from dsfab.export.cad.step.planar import FLATNESS, coplanar_regions
+from dsfab.export.cad.step.shared.sheet_outline import WALL, ChartRegion, OutlineRun, SheetOutline, both_skins, sheet_of
 from dsfab.export.cad.step.smooth.edges import RunKey, run_key
-from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline, both_skins, sheet_of
 from dsfab.export.curves import Curve, fitted_curve, split_at_knots
 from dsfab.export.part import DividedSheet, Part
+from dsfab.export.splines import arc_lengths
 from dsfab.surface import CREASE, edge_table
-
-LEAST_GAP_SHARE = 1 / 8
-"""Smallest assumed gap between an opening and a fold or another opening, as a share of the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
 class Facet:
     """Planes of both skins of a flat part of a sheet, the upper plane first, millimetres.
 
-    origin : (2, 3) a point of each plane.     axes : (2, 3, 3) unit vectors, right-handed, the last one upwards,
-             across."""
+    origin : (2, 3) a point of each plane.
+    axes   : (2, 3, 3) unit vectors, right-handed: two in each plane, and its normal upwards."""
 
     origin: Floats
     axes: Floats
@@ -74,8 +71,7 @@ class FlatFacets:
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
         h, k = h[fold], k[fold]
-        normals = group_sums(self.facet, area_vectors(upper, F))
-        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        normals = unit_vectors(group_sums(self.facet, area_vectors(upper, F)))
         length = np.linalg.norm(upper[F.ravel()[h - h % 3 + (h + 1) % 3]] - upper[F.ravel()[h]], axis=1)
         turn = np.einsum("ei,ei->e", normals[self.facet[h // 3]], normals[self.facet[k // 3]])
         return bool(2 * length[turn < np.cos(np.radians(CREASE))].sum() >= length.sum() > 0)
@@ -131,7 +127,9 @@ def _facets(part: Part) -> FlatFacets:
     divided_sheet = curved.divided(np.ones((len(curved.V), 1)))
     skins = both_skins(divided_sheet, curved.shift)
     thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * divided_sheet.D, axis=1)))
-    facet = _facet_labels(skins, divided_sheet.F, rough * thickness)
+    table = edge_table(divided_sheet.F)
+    planes = [coplanar_regions(skins[:, s], divided_sheet.F, table, rough * thickness)[0] for s in (0, 1)]
+    facet = np.unique(np.stack(planes, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
     _require_few_facets(facet)
     if float(np.max(cKDTree(part.V).query(skins[np.unique(divided_sheet.F)].reshape(-1, 3))[0])) > rough * thickness:
         raise NotFlatError("the solid is not the sheet's")
@@ -142,7 +140,8 @@ def _mitred_sheet(flat: FlatFacets) -> FoldedSheet:
     F, facet = flat.whole.F, flat.facet
     points, apart = _mitred_vertices(flat.skins, F, facet)
     if apart.any():
-        facet = _single_face_facets(facet, np.asarray(apart[F].any(axis=1)))
+        alone = np.where(apart[F].any(axis=1), len(facet) + np.arange(len(facet)), facet)
+        facet = np.unique(alone, return_inverse=True)[1].reshape(-1)
         _require_few_facets(facet)
         points = _mitred_vertices(flat.skins, F, facet)[0]
     outline = sheet_of(flat.whole._replace(chart=facet), flat.shift)
@@ -156,19 +155,6 @@ def _require_few_facets(facet: Ints) -> None:
         raise NotFlatError("the facets of the sheet are not flat")
 
 
-def _facet_labels(skins: Floats, F: Ints, tolerance: float) -> Ints:
-    """Return the (m,) facet of each face: the faces of a facet lie in one plane on both skins."""
-    table = edge_table(F)
-    skin_regions = [coplanar_regions(skins[:, s], F, table, tolerance)[0] for s in (0, 1)]
-    return np.unique(np.stack(skin_regions, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
-
-
-def _single_face_facets(facet: Ints, selected: Bools) -> Ints:
-    """Return (m,) facets after each chosen face became a separate facet."""
-    alone = np.where(selected, len(facet) + np.arange(len(facet)), facet)
-    return np.unique(alone, return_inverse=True)[1].reshape(-1)
-
-
 def _plane(skins: Floats, F: Ints) -> Facet:
     corners = skins[F].transpose(2, 1, 0, 3)  # (2, 3 corners, m, 3)
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -179,7 +165,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and vertices where this fails.
+    """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
 
     The corners of a facet with a single face define its plane, so they do not move.
     """
@@ -193,10 +179,8 @@ def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools
     for v in np.flatnonzero(np.diff(start)):
         around = [planes[int(k)] for k in pairs[start[v] : start[v + 1], 1]]
         for s in (0, 1):
-            N = np.array([facet_plane.axes[s, 2] for facet_plane in around])
-            offsets = np.array(
-                [facet_plane.axes[s, 2] @ (facet_plane.origin[s] - skins[v, s]) for facet_plane in around]
-            )
+            N = np.array([plane.axes[s, 2] for plane in around])
+            offsets = np.array([plane.axes[s, 2] @ (plane.origin[s] - skins[v, s]) for plane in around])
             move = np.linalg.lstsq(N, offsets, rcond=1e-9)[0]
             points[v, s] += move
             apart[v] |= float(np.abs(N @ move - offsets).max()) > exact
@@ -223,10 +207,10 @@ class FoldedShape:
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
-    walls = dict[RunKey, list[Curve]]()
+    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # openings and folds may lie this close together
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
-        gaps = gaps_between([line[:, :2] for line in lines], tolerance, LEAST_GAP_SHARE * tolerance)
+        gaps = gaps_between([line[:, :2] for line in lines], tolerance, least_gap)
         for loop, gap in zip(region.loops, gaps, strict=True):
             for run in loop:
                 if run.beyond == WALL:
@@ -239,14 +223,11 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
 
-    Raises ExportError unless there is exactly one outer loop.
+    Raises ExportError unless the region has exactly one outer loop.
     """
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
-    if (
-        sum(signed_loop_area(line[:, :2]) > 0 for line in lines) != 1
-        or sum(signed_loop_area(line[:, 2:]) > 0 for line in lines) != 1
-    ):
+    if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):
         raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
     return lines
 
@@ -257,45 +238,22 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     Points at equal shares of the two lengths lie opposite each other, because one skin is longer beside a fold.
     Straight edges then stay lines.
     """
-    upper, lower = line[:, :2], line[:, 2:]
-    shares = [_shares(skin_line) for skin_line in (upper, lower)]
+    upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
+    shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)
-    columns = [
-        [np.interp(x, share, column) for column in skin_line.T]
-        for share, skin_line in zip(shares, (upper, lower), strict=True)
-    ]
-    curve = fitted_curve(np.stack([column for skin_line in columns for column in skin_line], axis=1), tolerance)
+    columns = [np.interp(x, shares[i // 2], column) for i, column in enumerate(line.T)]
+    curve = fitted_curve(np.stack(columns, axis=1), tolerance)
     if curve is None:
         raise ExportError(f"no spline follows an outline of {len(line)} points within {tolerance:.3g} mm")
     return curve
-
-
-def _shares(line: Floats) -> Floats:
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    return np.asarray(length / max(float(length[-1]), 1e-300))
-
-
-def is_fold(run: OutlineRun) -> bool:
-    """Return whether a run lies between two facets."""
-    return run.beyond != WALL
 
 
 EdgePair = tuple[int, int]
 """Edges of a run on the upper and on the lower skin."""
 
 
-def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
-    """Yield the file with a solid for each piece."""
-    writer, pieces = _Writer(shape), [list[int]() for _ in range(shape.sheet.outline.count)]
-    for region in shape.sheet.outline.regions:
-        pieces[region.piece] += writer.region(region)
-    about = f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh"
-    yield from writer.new.file(pieces, name, about)
-
-
 class PlanarFile(NamedTuple):
-    """Text of a planar file with its number of faces, largest distance from the mesh (mm), and number of facets (1
-    if flat)."""
+    """Text of a planar file, its faces, largest distance from the mesh (mm), and number of facets (1 if flat)."""
 
     faces: int
     texts: list[str]
@@ -310,15 +268,18 @@ def planar_file(part: Part) -> PlanarFile:
         flat = plate(outlines_of(part), part.corners, part.tolerance)
         return PlanarFile(flat.faces, list(plate_entities(flat, part.name)), flat.deviation, 1)
     shape = folded_shape(folded, part.tolerance)
-    return PlanarFile(shape.faces, list(folded_entities(shape, part.name)), shape.deviation, folded.count)
+    writer, pieces = _Writer(shape), [list[int]() for _ in range(folded.outline.count)]
+    for region in folded.outline.regions:
+        pieces[region.piece] += writer.region(region)
+    about = f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh"
+    return PlanarFile(shape.faces, list(writer.new.file(pieces, part.name, about)), shape.deviation, folded.count)
 
 
 class _Writer:
     def __init__(self, shape: FoldedShape) -> None:
-        # More digits keep edges on inclined planes within 1e-7 mm, OCCT's least tolerance. With a larger one a fillet
-        # that shortens an edge fails.
-        extra_digits = 2
-        self.new, self.shape, self.sheet = StepEntities(extra_digits=extra_digits), shape, shape.sheet
+        # With two more digits, edges on inclined planes are exact to 1e-7 mm, OCCT's smallest tolerance. With a larger
+        # tolerance a fillet that shortens an edge fails.
+        self.new, self.shape, self.sheet = StepEntities(extra_digits=2), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, EdgePair](), dict[int, int](), dict[RunKey, EdgePair]()
 
     def region(self, region: ChartRegion) -> list[int]:
@@ -329,7 +290,7 @@ class _Writer:
             kind = "FACE_BOUND" if bounds[0] else "FACE_OUTER_BOUND"
             steps = list[tuple[EdgePair, bool]]()
             for run in region.loops[i]:
-                if is_fold(run):
+                if run.beyond != WALL:
                     steps.append(self._fold(run))
                 else:
                     wall_edges, walls = self._walls(run, facet)
@@ -352,8 +313,7 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[EdgePair], list[int]]:
-        """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges run
-        to the right."""
+        """Add the faces of a run of walls; return both edges of each wall, and the faces."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[EdgePair](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table
 
 FLATNESS = 1e-5
@@ -19,12 +19,12 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     tolerance : largest distance of vertices from a joined plane, millimetres.
 
     Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
-    lower than FLATNESS has no plane. It joins only the neighbour across its longest edge, because it could bridge an
-    edge of the solid. Small turns could add up, so a region with a vertex off its mean plane is divided again.
+    lower than FLATNESS has no plane, and could bridge an edge of the solid. So it joins only the neighbour across its
+    longest edge. Small turns add up, so a region with a vertex off its mean plane is divided again.
     """
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    units = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    units = unit_vectors(vectors)
     lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
     low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
     h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # triangle h // 3 has the neighbour k // 3
@@ -48,8 +48,7 @@ def _components(links: Ints, count: int) -> Ints:
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
     """(r,) largest distance of a region's vertices from its mean plane."""
-    normal = group_sums(region, vectors)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    normal = unit_vectors(group_sums(region, vectors))
     weight = np.linalg.norm(vectors, axis=1)
     total = np.maximum(np.bincount(region, weight), 1e-300)
     middle = group_sums(region, corners.mean(axis=1) * weight[:, None]) / total[:, None]
@@ -80,8 +79,7 @@ class FaceOutlines:
 
 
 def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
-    """Chain the half-edges between different regions (m,), with their region on the left. opposite : (3 m,) opposite
-    half-edges.
+    """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
 
     The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
     jump across a vertex where a region touches itself.
@@ -90,7 +88,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # other half-edges never end the loop below
+    turning = np.flatnonzero(on_border)  # half-edges inside regions never end the loop below
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -150,8 +148,7 @@ def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
 
 
 def step_positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of the loop of each
-    position."""
+    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index of each one's loop."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -269,8 +266,7 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step, the starts of the loops, and the edge, ends (e, 2) and direction of each
-    step.
+    """Return the first vertex of each step, the starts of loops, and the edge, ends (e, 2) and direction of each step.
 
     The faces on both sides identify a long edge by its mesh edge with the smallest number.
     """

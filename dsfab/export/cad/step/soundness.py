@@ -40,8 +40,8 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """Return OCCT's triangles with points at the same place merged."""
-    same_place = 1e-9  # share of the size; OCCT triangulates each face alone, so equal points differ by rounding
+    """Return OCCT's triangles after points at the same place were merged."""
+    same_place = 1e-9  # share of the size; OCCT draws each face alone, so points of two faces differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -60,24 +60,20 @@ def curved_soundness(
 
     All faults except crossings come from the first triangles. Raises ExportError if OCCT takes too long.
     """
-    sound, triangles, crossing_faces = (
-        soundness(first_triangles.V, first_triangles.F),
-        first_triangles,
-        np.zeros(0, dtype=np.int64),
-    )
+    sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
+    crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         on_redraw()
         crossing_faces = np.union1d(crossing_faces, triangles.face[sound.crossings])  # keep faces of earlier rounds
-        sound, triangles = _redraw(
-            sound, first_triangles, _faces_near(first_triangles, crossing_faces, deflection), deflection / 4**k, shape
-        )
+        faces = _faces_near(first_triangles, crossing_faces, deflection)
+        sound, triangles = _redraw(sound, first_triangles, faces, deflection / 4**k, shape)
     return sound
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """Return the reason why a STEP file is not a solid, drawn with a deflection in metres; "" for a solid.
+    """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
 
     Raises ExportError if OCCT cannot read the file or takes too long.
     """
@@ -123,8 +119,7 @@ def _redraw(
 
 
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Return whether fine triangles are an oriented manifold with the Euler number of the coarse triangles of the same
-    faces.
+    """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
 
     A face that OCCT omits or fails to join changes that number.
     """
@@ -139,11 +134,7 @@ def _euler(F: Ints) -> int:
 
 
 MOST_FACES = 2000
-"""Most faces of a file that is cut on trial without a request: the cut takes 4 s, or 10 to 15 s with the STEP text."""
-
-SECONDS, SECONDS_PER_FACE = 30.0, 0.03
-"""Limits of processor time, several times the measured time, because volumes of smooth halves with many edges take
-long."""
+"""Largest number of faces of a file that is cut on trial without a request; this takes 4 s, or 15 s from text."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +156,7 @@ def smooth_use(part: Part) -> SampledUse:
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffix: str = ".step") -> SampledUse:
-    """Cut a file once on trial. The input is STEP text, or OCCT's binary shape with the suffix `.bin`."""
+    """Cut a file once on trial: a STEP text, or OCCT's binary shape with the suffix `.bin`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -174,9 +165,8 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: SmoothLimits, suffi
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """Return the fault of the halves of a trial cut ("" if none), and the box of the whole: six numbers in mm, or
-    None."""
-    seconds = SECONDS + SECONDS_PER_FACE * faces
+    """Return the fault of a trial cut's halves ("" if none), and the box of the whole: six numbers in mm, or none."""
+    seconds = 30.0 + 0.03 * faces  # several times the usual time; volumes of smooth halves with many edges take long
     try:
         report = occt_report("sample", str(path), seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError):
@@ -188,7 +178,7 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def use_report(text: str, seconds: float) -> dict[str, Any]:
-    """Return the report of OCCT's trials about a file; raises the same errors as `last_line`."""
+    """Return the report of OCCT's trials of a file; raises the same errors as `last_line`."""
     with _file(text.encode("ascii")) as path:
         return occt_report("use", str(path), seconds=seconds)
 
@@ -206,8 +196,5 @@ def box_fault(part: Part, bounds: list[float], limits: SmoothLimits, share: floa
     share : largest error, as a share of the part's diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     distance = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
-    return (
-        f"OCCT's box of it is {distance:.3g} mm off"
-        if distance > share * size + limits.distance + limits.usual_chord
-        else ""
-    )
+    is_far = distance > share * size + limits.distance + limits.usual_chord
+    return f"OCCT's box of it is {distance:.3g} mm off" if is_far else ""

@@ -9,8 +9,8 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import OUTLINE, SIMPLIFIED_OFF_SURFACE
 from dsfab.export.cad.step import entities
 from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
-from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft, member_plan
-from dsfab.export.cad.step.entities import DIGITS, FACETED_DIGITS, faceted_bytes
+from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft
+from dsfab.export.cad.step.entities import DIGITS, FACETED_DIGITS, faceted_bytes, outward_polyhedron
 from dsfab.export.cad.step.file_size import (
     COSTS,
     LOADING_SECONDS,
@@ -24,27 +24,23 @@ from dsfab.export.cad.step.file_size import (
 )
 from dsfab.export.cad.step.flat_sheets import NotFlatError, outlines_of
 from dsfab.export.cad.step.folded_sheets import flat_facets, folded_sheet, planar_file
-from dsfab.export.cad.step.planar import polyhedron
+from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.smooth.build import first_draft, smooth_file
 from dsfab.export.cad.step.soundness import smooth_use
-from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Curved, Part, without_collapsed
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
-TIGHTER_SHARE = 1 / 4
-"""Tolerance of a second planar try, as a share of the first, because curves may cross in a narrow place."""
-
 QUICK_FACTOR = 3
-"""Factor of the walls and layouts that `quick` tries to make smooth, because it gets no second chance. A seam close to
-an opening can make OCCT refuse a face; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces four
-failed in the first layout; three of them were sound in the second and one in the third."""
+"""Factor of the walls and layouts that `quick` tries to make smooth, because `quick` gets no second chance. OCCT may
+refuse a face with a seam close to an opening; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces
+four failed in the first layout; three of these passed in the second and one in the third."""
 
 MEMBER_FACES_FACTOR = 2
-"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth, which
-CAD programs fail to cut: all eight cuts of a cylinder at 45 degrees failed."""
+"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth,
+and CAD programs fail to cut smooth files: all eight cuts of a cylinder at 45 degrees failed."""
 
 
 def prepare(part: Part) -> Part:
@@ -52,7 +48,7 @@ def prepare(part: Part) -> Part:
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # the ends of short edges merge; the other points keep all decimals
+    V[short] = coarse[short]  # the ends of short edges merge; all other points keep their decimals
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -64,11 +60,11 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield the part with each strategy in turn, the best first, or a BudgetError for a strategy that exceeds the
-    budget.
+    """Yield the part with each strategy in turn, the best first, or BudgetError for one above the budget.
 
-    A solid is simplified before faceting if the user gave a tolerance, otherwise only if all other strategies fail.
+    A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail.
     """
+    tighter = 1 / 4  # a second planar file has this share of the tolerance, because curves may cross in a narrow place
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
         yield part
@@ -80,92 +76,74 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
         if flat or _may_be_planar(part):
             yield planar
             if planar.tolerance:
-                yield replace(planar, tolerance=TIGHTER_SHARE * planar.tolerance)
+                yield replace(planar, tolerance=tighter * planar.tolerance)
     curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
     members = replace(part, step="members", hurry=1)
     if curved and _worth_members(part):
         yield members
     if part.step == "smooth" or curved:
-        yield replace(
-            part, step="smooth", hurry=(QUICK_FACTOR if quick else 1) if curved else 0, cut=curved and not quick
-        )
+        hurry = (QUICK_FACTOR if quick else 1) if curved else 0
+        yield replace(part, step="smooth", hurry=hurry, cut=curved and not quick)
     if part.step == "tessellated":
         yield part
     if chosen or part.step == "faceted":
         faceted = replace(part, step="faceted")
-        if part.tolerance:
-            yield from _within_user_tolerance(faceted)
-        else:
-            yield faceted
+        simple = _simpler_or_error(faceted, part.tolerance) if part.tolerance else faceted
+        is_tried = isinstance(simple, Part | BudgetError)
+        yield simple if is_tried else replace(faceted, note=f"not simplified, since {simple}")
     if chosen:
         yield from _last_attempts(faceted, members if curved and not quick else None, quick)
 
 
 def _worth_members(part: Part) -> bool:
-    """Return whether to try members without a request: the sheet has stripes, and `quick` needs an open sheet.
+    """Return True if members are worth a try without a request: the sheet has stripes, and for `quick` it is open.
 
     A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid.
     """
-    curved = _curved_sheet(part)
-    if curved is None or curved.striped is None:
-        return False
-    return part.step == "auto" or bool(Surface(curved.V, curved.F).edges.boundary.any())
+    sheet = _striped_sheet(part)
+    return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
 
-def _has_stripes(part: Part) -> bool:
-    curved = _curved_sheet(part)
-    return curved is not None and curved.striped is not None
-
-
-def _curved_sheet(part: Part) -> Curved | None:
-    """Return the sheet of a part for smooth STEP, or None with the error that states why there is none."""
+def _striped_sheet(part: Part) -> Curved | None:
     try:
-        return part.curved() if part.curved else None
+        curved = part.curved() if part.curved else None
     except ExportError:
         return None
+    return curved if curved and curved.striped else None
 
 
 def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
     """Yield the attempts that remain after a faceted part was refused.
 
-    members : the part with the strategy members; slow attempts use it.
+    members : the part with the strategy members for slow attempts, or None.
     quick   : stop if the first simplification is far over the limit.
     """
     far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
     is_far = False
     if not part.tolerance:
-        for simple in _simpler(part, usual_tolerance(part)):
-            is_far = isinstance(simple, BudgetError) and simple.faces > far_factor * part.step_faces
+        simple = _simpler_or_error(part, usual_tolerance(part))
+        is_far = isinstance(simple, BudgetError) and simple.faces > far_factor * part.step_faces
+        if isinstance(simple, Part | BudgetError):
             yield simple
     if members:
         if has_too_many(members):
             yield replace(members, hurry=MEMBER_FACES_FACTOR)
         yield replace(part, step="smooth", cut=True)
     if not part.tolerance and not (quick and is_far):
-        yield from _simpler(part, SIMPLIFIED_OFF_SURFACE * usual_tolerance(part))
+        simple = _simpler_or_error(part, SIMPLIFIED_OFF_SURFACE * usual_tolerance(part))
+        if isinstance(simple, Part | BudgetError):
+            yield simple
 
 
-def _within_user_tolerance(part: Part) -> Iterator[Part | BudgetError]:
+def _simpler_or_error(part: Part, tolerance: float) -> Part | ExportError:
     try:
-        yield simpler(part, part.tolerance)
-    except BudgetError as error:
-        yield error
+        return simpler(part, tolerance)
     except ExportError as error:
-        yield replace(part, note=f"not simplified, since {error}")
-
-
-def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
-    try:
-        yield simpler(part, tolerance)
-    except BudgetError as error:
-        yield error
-    except ExportError:
-        return
+        return error
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """Simplify the part within a tolerance (mm); raises ExportError if that fails, and BudgetError for too many
-    faces."""
+    """Simplify the part within a tolerance (mm); raises ExportError if that fails, BudgetError for too many faces."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
@@ -215,7 +193,7 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 def _slow(refused: Sequence[ExportError]) -> str:
     over = " and ".join(reasons([error for error in refused if isinstance(error, BudgetError)]))
-    return f"; made however long it took, since {over}" if over else ""
+    return f"; its time was not limited, because {over}" if over else ""
 
 
 def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
@@ -227,14 +205,14 @@ def _cutting_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """Recommend a strategy for users who cut the file: members instead of smooth, unless members was refused."""
+    """Recommend a strategy for cutting: members, unless they were refused or the stripes are unknown."""
     by_members = [error for error in refused if _is_by_members(error)]
     over = [error for error in by_members if isinstance(error, BudgetError)]
     if over:
         key = "step_faces" if over[-1].by_faces else "step_mb"
         return f"raise {key} and write step = 'members'"
     vain = any(isinstance(error, NotByMembersError) and not error.if_asked for error in by_members)
-    return "write step = 'faceted'" if vain or not _has_stripes(part) else "write step = 'members'"
+    return "write step = 'faceted'" if vain or _striped_sheet(part) is None else "write step = 'members'"
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:
@@ -249,31 +227,24 @@ def _is_by_members(error: ExportError) -> bool:
 def reasons(refused: Sequence[ExportError]) -> list[str]:
     """Return the reasons for the refusals without duplicates; "not flat" counts only if it is the only reason."""
     remaining = [error for error in refused if not isinstance(error, NotFlatError)] or refused
-    return list(
-        dict.fromkeys(
-            error.reason if isinstance(error, BudgetError) else _reason_with_advice(error, str(error))
-            for error in remaining
-        )
-    )
+    return list(dict.fromkeys(_reason_with_advice(error, str(error)) for error in remaining))
 
 
 def _reason_with_advice(error: ExportError, why: str) -> str:
-    return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
+    if isinstance(error, BudgetError):
+        return error.reason
+    return f"{why}: write step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """Return the error if all strategies were refused; it has the cost of each strategy if the files would be too
-    large."""
+    """Return the error for a part that all strategies refused, with the cost of each if files would be too large."""
     over = [error for error in refused if isinstance(error, BudgetError)]
     if not over:
         return refused[-1]
     remaining = [error for error in refused if not isinstance(error, (BudgetError, NotFlatError))]
-    final_reasons = {
-        _is_by_members(error): _reason_with_advice(error, str(error).split("; ")[0]) for error in remaining
-    }
-    sentences = [
-        f"by members, {why}" if members and "by members" not in why else why for members, why in final_reasons.items()
-    ]
+    final_reasons = {_is_by_members(x): _reason_with_advice(x, str(x).split("; ")[0]) for x in remaining}
+    begin = {True: "by members, ", False: ""}
+    sentences = [("" if "by members" in why else begin[members]) + why for members, why in final_reasons.items()]
     tried = f" (tried too: {'; '.join(sentences)})" if sentences else ""
     return ExportError(f"{no_strategy_error(over) if len({error.way for error in over}) > 1 else over[-1]}{tried}")
 
@@ -310,7 +281,7 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
     """
     by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
-        estimate = _refusal(attempt) if isinstance(attempt, BudgetError) else _estimate(attempt)
+        estimate = _estimate(attempt) if isinstance(attempt, Part) else _refusal(attempt)
         by_strategy[estimate.way] = estimate
         if not estimate.refused:
             taken = estimate.way
@@ -318,12 +289,12 @@ def estimates(part: Part) -> tuple[Estimate, ...]:
     for strategy in WAYS:
         if strategy not in by_strategy and (strategy not in ("smooth", "members") or part.curved is not None):
             by_strategy[strategy] = _requested_estimate(part, strategy)
-    return tuple(
-        replace(by_strategy[strategy], chosen=strategy == taken) for strategy in WAYS if strategy in by_strategy
-    )
+    return tuple(replace(by_strategy[name], chosen=name == taken) for name in WAYS if name in by_strategy)
 
 
-def _refusal(error: BudgetError) -> Estimate:
+def _refusal(error: ExportError, strategy: str = "") -> Estimate:
+    if not isinstance(error, BudgetError):
+        return Estimate(strategy, refused=str(error))
     return _costs(error.part, error.way, error.faces, error.size, refused=f"{error.excess}, {error.limit}")
 
 
@@ -333,10 +304,8 @@ def _estimate(part: Part) -> Estimate:
         faces, size, note = SHAPES[part.step](part)
         if part.step != "tessellated":
             require_budget(part, faces, size)
-    except BudgetError as error:
-        return _refusal(error)
     except ExportError as error:
-        return Estimate(strategy, refused=str(error))
+        return _refusal(error, strategy)
     return _costs(part, strategy, faces, size, note)
 
 
@@ -353,12 +322,8 @@ def _requested_estimate(part: Part, strategy: str) -> Estimate:
         return _estimate(replace(planar, tolerance=part.tolerance or default_tolerance(planar)))
     if strategy != "simplified":
         return _estimate(replace(part, step=strategy))
-    try:
-        return _estimate(simpler(replace(part, step="faceted"), part.tolerance or usual_tolerance(part)))
-    except BudgetError as error:
-        return _refusal(error)
-    except ExportError as error:
-        return Estimate(strategy, refused=str(error))
+    simple = _simpler_or_error(replace(part, step="faceted"), part.tolerance or usual_tolerance(part))
+    return _estimate(simple) if isinstance(simple, Part) else _refusal(simple, strategy)
 
 
 def _estimate_planar(part: Part) -> tuple[int, float, str]:
@@ -367,20 +332,19 @@ def _estimate_planar(part: Part) -> tuple[int, float, str]:
 
 
 def _estimate_by_members(part: Part) -> tuple[int, float, str]:
-    draft = member_draft(part, member_plan(part))
+    draft = member_draft(part, SolidPlan(part))
     return draft.faces, len(draft.text), ""
 
 
 def _estimate_smooth(part: Part) -> tuple[int, float, str]:
     if default := default_tolerance(part):
         raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
-    return *first_draft(
-        part
-    ), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
+    note = "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
+    return *first_draft(part), note
 
 
 def _estimate_faceted(part: Part) -> tuple[int, float, str]:
-    shape = polyhedron(part.V, part.F, solids_of(part)[0])
+    shape, _ = outward_polyhedron(part)
     return len(shape.normals), faceted_bytes(shape), part.note or "no deviation"
 
 

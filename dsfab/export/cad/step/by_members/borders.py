@@ -1,4 +1,4 @@
-"""Borders between members: straightened, moved to meet round corners steeply, and removed where outlines cross."""
+"""Borders between members: straight curves, steep ends at round corners, and removal where outlines cross."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -7,26 +7,24 @@ from itertools import pairwise
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, plane_cross, unit_vectors
 from dsfab.export.cad.step.by_members.curves import ChainCurve
 from dsfab.export.cad.step.by_members.fillets import outline_and_border, turn_at, with_moved_ends
 from dsfab.export.cad.step.by_members.lines import BEND_ANGLE, CORNER_ANGLE
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at
 from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.edges import even_samples
-from dsfab.export.splines import Spline, bernstein, splines_through
+from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
 TOUCHING_SHARE = 1 / 400
-"""Two parts of an outline nearer than this share of the thickness touch. In sound outlines they are six times farther
-apart."""
+"""Parts of an outline nearer than this share of the thickness touch; in sound outlines they are six times farther."""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
-    """Return the chains of a region that cross another chain of the region, seen along the region's mean normal.
-    The result also holds a chain within `distance` mm of a corner where it does not end, with the chains that end at
-    this corner. It holds all chains of a region that is inside out."""
-    finest = 12  # a cubic gets at most 12 chords, short at its ends because chains cross there at small angles
+    """Return the chains of a region that cross another of its chains, seen along the region's mean normal.
+    A chain within `distance` mm of a corner also counts, and so do the chains that end at this corner. If the region is
+    turned inside out, all its chains count."""
+    finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
@@ -35,24 +33,19 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     chain = np.repeat([k for k, _ in steps], fine * np.array(spans))
     plane = axes_of(middle_normal(np.concatenate(lines)))[:2].T
     first_points = np.cumsum([0, *spans[:-1]]) * fine
-    away = _not_ending(net, steps, chain)
+    start, ends = np.array([net.ends(x)[0] for x in steps]), np.array([net.ends((k, True)) for k in chain.tolist()])
+    ends_elsewhere = (start[:, None, None] != ends).all(axis=2)
     chain_numbers = set[int]()
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # the sides of a narrow region have changed places
+            return set(chain.tolist())  # two sides of a narrow region have changed places
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
-        corner, segment = np.nonzero(away & (_distances(seen, first_points) < distance))
+        corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
         nodes = {net.ends(steps[i])[0] for i in corner.tolist()}
         chain_numbers.update(k for k, _ in steps if nodes & set(net.ends((k, True))))
     return chain_numbers
-
-
-def _not_ending(net: ChainNet, steps: ChainLoop, chain: Ints) -> Bools:
-    start = np.array([net.ends(step)[0] for step in steps])
-    ends = np.array([net.ends((k, True)) for k in chain.tolist()])
-    return np.asarray((start[:, None, None] != ends).all(axis=2))
 
 
 def _distances(lines: list[Floats], point_numbers: Ints) -> Floats:
@@ -70,22 +63,18 @@ def _samples(curves: Mapping[int, ChainCurve], loop: ChainLoop, fine: int) -> Fl
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """(k,) whether each segment of closed lines (k, 2) in a plane crosses another segment."""
+    """Return (k,) True for each segment of closed lines (k, 2) in a plane that crosses another segment."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
-    apart = _side(a[:, None], b[:, None], a[None]) * _side(a[:, None], b[:, None], b[None]) < 0
+    along = (b - a)[:, None]
+    apart = plane_cross(along, a[None] - a[:, None]) * plane_cross(along, b[None] - a[:, None]) < 0
     return np.asarray((apart & apart.T).any(axis=1))
-
-
-def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    d, e = b - a, p - a
-    return np.asarray(d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0])
 
 
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], distance: float = 0.0
 ) -> ChainNet:
-    """Unite a region whose outline crosses or nearly touches itself with the neighbour beyond a chain, if possible."""
+    """Join each region whose outline crosses or nearly touches itself with a neighbour, if one can be joined."""
     result = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, distance)):
@@ -97,15 +86,13 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """Unite the two regions beside a chain if both have a single outline; the left region keeps its number."""
+    """Join the two regions beside a chain if each has a single outline; the left region keeps its number."""
     kept_region, joined_region = net.chains[k].left, net.chains[k].right
     if len(net.loops[kept_region]) + len(net.loops[joined_region]) > 2:
         return net
     chains, loops, cell = dict(net.chains), dict(net.loops), net.cell.copy()
-    left_steps, right_steps = (
-        _rest_of_loop(loops[kept_region][0], (k, True)),
-        _rest_of_loop(loops.pop(joined_region)[0], (k, False)),
-    )
+    left_steps = _rest_of_loop(loops[kept_region][0], (k, True))
+    right_steps = _rest_of_loop(loops.pop(joined_region)[0], (k, False))
     loop = _without_spurs(left_steps + right_steps)
     for step, ahead in right_steps:
         chains[step] = chains[step].with_region(kept_region, ahead)
@@ -133,34 +120,27 @@ def _without_spurs(loop: ChainLoop) -> ChainLoop:
     return steps
 
 
-SIDEWAYS_SHARE = 1 / 3
-"""Largest sideways movement of a chain, as a share of the thickness."""
-
-SAG_SHARE = 1 / 400
-"""Largest distance of chords from the straightened curve, as a share of the thickness; fits to coarse polylines need
-many spans."""
-
 PLACES = np.linspace(0, 1, 65)
 """Parameters where the curvature is measured."""
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove hairpins, and put each inner chain on the simplest curve near the chain; thickness in millimetres."""
+    """Remove borders that turn back, and replace each inner chain by the simplest curve near it; thickness in mm."""
+    sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
+    sag = 1 / 400  # chords are off the curve by at most this share of the thickness; coarser polylines need many spans
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
         crease = lifting.sides.on_creases(net.weights)
         inner = [k for k in inner if not crease[net.chains[k].points].all()]
-    fits = splines_through(
-        [even_samples(P[net.chains[k].points]) for k in inner], [SIDEWAYS_SHARE * thickness] * len(inner)
-    )
+    fits = splines_through([even_samples(P[net.chains[k].points]) for k in inner], [sideways * thickness] * len(inner))
     curves = {k: curve for k, (curve, _) in zip(inner, fits, strict=True)}
     N = np.asarray(net.weights @ lifting.skins.normals)
     net = _without_hairpins(net, [k for k, curve in curves.items() if _turns_back(curve)], N)
     curves = {k: curve for k, curve in curves.items() if k in net.chains}
     if not curves:
         return net
-    between = [curve(np.linspace(0, 1, _points(curve, SAG_SHARE * thickness))[1:-1]) for curve in curves.values()]
+    between = [curve(np.linspace(0, 1, _points(curve, sag * thickness))[1:-1]) for curve in curves.values()]
     rows = lifting.weights_at(np.concatenate(between))
     chains, start = dict(net.chains), len(P)
     for k, row in zip(curves, between, strict=True):
@@ -172,14 +152,16 @@ def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 def _turns_back(curve: Spline) -> bool:
     most_spans = 4  # a chain with more spans wanders too much for the side of a patch
-    detour = 1.5  # a hairpin is at least 1.5 times as long as the distance of its ends; half a circle 1.57 times
+    detour = 1.5  # a hairpin has at least 1.5 times the length of its chord; half a circle has 1.57 times
     line = curve(PLACES)
-    length = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return length > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
+    return (
+        polyline_length(line) > detour * float(np.linalg.norm(line[-1] - line[0]))
+        or len(np.unique(curve.knots)) - 1 > most_spans
+    )
 
 
 def _without_hairpins(net: ChainNet, hairpins: Sequence[int], N: Floats) -> ChainNet:
-    least_cosine = 0.5  # normals of a joined region turn by at most 60 degrees from the mean normal
+    least_cosine = 0.5  # the normals of a joined region are at most 60 degrees off their mean
     for k in hairpins:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -227,14 +209,15 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # least turn of the outline in degrees; with flatter corners a dome gets 5 % more faces
+        sharp = 20.0  # the outline turns by 20 degrees or more; with flatter corners a dome gets 5 % more faces
         gain = 15.0  # a new place must be at least 15 degrees steeper
         steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]
         if self.changed & {before, after, seam} or turn_at(self._points_around(before, after)) < sharp:
             return
-        line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
-        anchor = self._anchor(line)
+        line = self.P[self.chains[seam].directed_points(end == 0)]
+        lengths = arc_lengths(line)
+        anchor = np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in line.T])
         now = self._angle_at(before, after, anchor)
         if now >= steep:
             return
@@ -245,22 +228,17 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Rank a place. Above 45 degrees the end of an arc is preferred, because the arc then remains whole."""
+        """Rank a place. Above 45 degrees the end of an arc ranks first, because the arc then remains whole."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
-
-    def _anchor(self, line: Ints) -> Floats:
-        P = self.P[line]
-        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
-        return np.array([np.interp(min(self.t, lengths[-1]), lengths, column) for column in P.T])
 
     def _points_around(self, before: int, after: int) -> Floats:
         points_before, points_after = self.chains[before].points, self.chains[after].points
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the degrees between a border and an outline at a node; beside a round chain only the wall counts."""
+        """Return the degrees between a border and an outline at a node; only the wall beside a round chain counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
@@ -286,13 +264,8 @@ class _BorderEnds:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        return (
-            j
-            if BEND_ANGLE
-            < np.deg2rad(turn_at(self._points_around(k, j) if i else self._points_around(j, k)))
-            < CORNER_ANGLE
-            else -1
-        )
+        turn = np.deg2rad(turn_at(self._points_around(k, j) if i else self._points_around(j, k)))
+        return j if BEND_ANGLE < turn < CORNER_ANGLE else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         points = self.chains[k].points
@@ -330,16 +303,11 @@ class _BorderEnds:
 
 
 def _bent(line: Floats) -> Ints:
-    directions = np.diff(line, axis=0)
-    directions /= np.maximum(np.linalg.norm(directions, axis=1, keepdims=True), 1e-300)
+    directions = unit_vectors(np.diff(line, axis=0))
     return 1 + np.flatnonzero(np.einsum("ki,ki->k", directions[:-1], directions[1:]) < np.cos(BEND_ANGLE))
 
 
 def _angle(points: Floats, weights: list[float], anchor: Floats) -> float:
-    """Return the angle in degrees at the middle of three points, between the anchor and the mean direction of both
-    sides."""
-    ways = np.diff(points, axis=0)
-    ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
-    along, to_anchor = weights @ ways, anchor - points[1]
+    along, to_anchor = weights @ unit_vectors(np.diff(points, axis=0)), anchor - points[1]
     cosine = abs(along @ to_anchor) / max(float(np.linalg.norm(along) * np.linalg.norm(to_anchor)), 1e-300)
     return float(np.degrees(np.arccos(min(1.0, cosine))))

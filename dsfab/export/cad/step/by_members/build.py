@@ -1,4 +1,4 @@
-"""File of a part by members, and OCCT's checks of the file: reading, comparison with the mesh, cuts by half-spaces."""
+"""File of a part by members, and OCCT's checks of the file: triangles, comparison with the mesh, and trial cuts."""
 
 import subprocess
 from dataclasses import dataclass
@@ -10,10 +10,10 @@ from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import CHANGED_VOLUME, DEFLECTION
 from dsfab.core.units import MM_PER_M
-from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, member_draft, member_plan
+from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, member_draft
 from dsfab.export.cad.step.file_size import BudgetError, require_budget
-from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.acceptance import GAP_SHARE, MeshDistances, PieceJudge, SmoothPlan
+from dsfab.export.cad.step.shared.plan import MeshDistances, PieceJudge, SolidPlan
+from dsfab.export.cad.step.shared.skins import GAP_SHARE, SmoothLimits
 from dsfab.export.cad.step.soundness import (
     MOST_FACES,
     box_fault,
@@ -22,13 +22,14 @@ from dsfab.export.cad.step.soundness import (
     triangle_fault,
     use_report,
 )
-from dsfab.export.cad.step.worker.reports import OcctFinding, StepMesh, occt, whole_findings
+from dsfab.export.cad.step.worker import reports
+from dsfab.export.cad.step.worker.reports import OcctFinding, StepMesh, occt
 from dsfab.export.cad.step.worker.use import PLANES
 from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Limits of processor time for each of the two programs, many times the measured time."""
+"""Limits of processor time for each OCCT program: constant part, and seconds per face; many times the usual time."""
 
 CUT_COUNT = len(PLANES)
 
@@ -37,9 +38,8 @@ CUT_COUNT = len(PLANES)
 class MemberFile:
     """Checked file of a part by members.
 
-    solids, faces, trimmed : their numbers.    gap : widest gap, mm.    there, back : distances from the mesh and back,
-                             mm.
-    volume : mm3.    used : result of OCCT's trial cuts, as text."""
+    solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
+    there, back : largest distances from the mesh and back, mm.    used : result of OCCT's trial cuts."""
 
     text: str
     solids: int
@@ -63,7 +63,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Reason why a part has no file by members. if_asked : True if a request by name helps."""
+    """Reason why a part has no file by members. if_asked : True if the file is possible when the user requests it."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -71,7 +71,7 @@ class NotByMembersError(ExportError):
 
 
 class _RoughError(ExportError):
-    """The file is too far from the mesh, or OCCT finds it invalid or without a solid; a finer file may pass."""
+    """The file is too far from the mesh, or OCCT finds no valid solid in it; a finer file may pass."""
 
 
 @derived
@@ -87,30 +87,27 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _accepted_file(part: Part) -> MemberFile:
-    """Return the first file that passes: the usual file, or if this is rough a file whose faces lie nearer to the
-    mesh."""
-    plan = member_plan(part)
+    """Return the usual file if it passes; otherwise return a finer file, whose faces lie nearer to the mesh."""
+    plan = SolidPlan(part)
     try:
         return _tried(part, plan, False)
     except _RoughError:
         return _tried(part, plan, True)
 
 
-def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # the program loads OCCT meanwhile
+def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
+    with occt() as program:  # the program loads OCCT while the draft is made
         draft = member_draft(part, plan, fine)
         require_budget(part, draft.faces, len(draft.text))
         seconds, deflection = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
-        reports_list = list[_TriangleReport]()
-        findings = whole_findings(
-            program,
-            draft.text,
-            deflection,
-            seconds,
-            lambda mesh: reports_list.append(_TriangleReport.from_mesh(mesh, plan.gate)),
-        )
-    forth, back, shape = _require_solid(part, plan, draft, findings, reports_list)
-    used = _cut_once(part, plan, draft, shape) if part.hurry else _use_sentence(part, plan, draft, seconds)
+        triangles = list[_TriangleReport]()
+
+        def judge(mesh: StepMesh) -> None:
+            triangles.append(_TriangleReport.from_mesh(mesh, plan.gate))
+
+        findings = reports.findings(program, draft.text, deflection, seconds, judge)
+    forth, back, shape = _require_solid(part, plan, draft, findings, triangles)
+    used = _cut_once(part, plan, draft, shape) if part.hurry else _use_sentence(draft, seconds)
     volume, gap = sum(finding.volume for finding in findings), max(draft.gap, *(finding.gap for finding in findings))
     return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, forth, back, volume, used, plan.limits)
 
@@ -119,8 +116,8 @@ def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
 class _TriangleReport:
     """Report on OCCT's triangles.
 
-    there, back : distances from the mesh and back.    fault : reason why the triangles bound no solid, or why OCCT
-    cannot tell.    shape : OCCT's binary shape.
+    there, back : distances from the mesh and back.    shape : OCCT's binary shape.
+    fault : reason why the triangles bound no solid, or why OCCT cannot tell.
     """
 
     there: MeshDistances
@@ -140,89 +137,68 @@ class _TriangleReport:
         return cls(forth, back, fault, mesh.shape)
 
 
-def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -> None:
-    for passed, complaint in tests:
-        if not passed:
-            raise error(complaint)
+def _require(passed: bool, complaint: str, error: type[ExportError] = ExportError) -> None:
+    if not passed:
+        raise error(complaint)
 
 
 def _require_solid(
-    part: Part, plan: SmoothPlan, draft: MemberDraft, findings: list[OcctFinding], reports_list: list[_TriangleReport]
+    part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
     """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
-    # OCCT's box may be off by this share of the diagonal. It is less than twice the limit of trial cuts, because the
-    # alternatives are worse: for a saddle of 5 m, 1.1 % by members and 20 % for the smooth file.
+    # OCCT's box may be off by this share of the diagonal, because the box of a smooth file is worse: for a saddle of
+    # 5 m the box is 1.1 % off by members and 20 % off for the smooth file.
     wide_box = 2e-2
-    t, gap, faces = (
-        plan.limits.thickness,
-        max((finding.gap for finding in findings), default=0.0),
-        sum(finding.faces for finding in findings),
-    )
-    _require((len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit"))
+    gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
+    faces = sum(finding.faces for finding in findings)
+    _require(len(findings) == draft.solids, "OCCT did not read the solids by members within the time limit")
     sound = all(finding.valid and finding.closed for finding in findings)
-    _require((sound, "OCCT finds the solid by members invalid"), error=_RoughError)
-    _require(
-        (faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}"),
-        (gap <= GAP_SHARE * t, f"a gap by members of {gap:.3g} mm is wider than {GAP_SHARE * t:.3g} mm"),
-    )
-    box = box_fault(part, _box(findings), plan.limits, wide_box)
-    _require((not box, f"by members {box}"))
-    _require((bool(reports_list), "OCCT makes no triangles of a face by members"), error=_RoughError)
-    gate, (forth, back) = plan.gate, (reports_list[0].there, reports_list[0].back)
+    _require(sound, "OCCT finds the solid by members invalid", _RoughError)
+    _require(faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}")
+    _require(gap <= widest, f"a gap by members of {gap:.3g} mm is wider than {widest:.3g} mm")
+    low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
+    box = box_fault(part, [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()], plan.limits, wide_box)
+    _require(not box, f"by members {box}")
+    _require(bool(triangles), "OCCT makes no triangles of a face by members", _RoughError)
+    gate, forth, back = plan.gate, triangles[0].there, triangles[0].back
     volume, mesh_volume = sum(finding.volume for finding in findings), float(gate.volumes.sum())
     rounder = float((gate.excess_volumes * gate.volumes).sum()) / mesh_volume
     worst_way = max(forth, back, key=lambda distances: distances.worst - distances.allowed)
-    if worst_way.worst > worst_way.allowed:
-        raise _RoughError(
-            f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
-        )
-    _require(
-        (
-            abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume,
-            f"its volume by members is off by {volume / mesh_volume - 1:.1%}",
-        )
-    )
-    _require((not reports_list[0].fault, reports_list[0].fault), error=_RoughError)
-    return forth.most, back.most, reports_list[0].shape
+    complaint = f"by members it is {worst_way.worst:.2g} mm off the mesh, more than {worst_way.allowed:.2g} mm"
+    _require(worst_way.worst <= worst_way.allowed, complaint, _RoughError)
+    is_kept = abs(volume - mesh_volume) <= (CHANGED_VOLUME + rounder) * mesh_volume
+    _require(is_kept, f"its volume by members is off by {volume / mesh_volume - 1:.1%}")
+    _require(not triangles[0].fault, triangles[0].fault, _RoughError)
+    return forth.most, back.most, triangles[0].shape
 
 
-def _box(findings: list[OcctFinding]) -> list[float]:
-    low, high = np.array([finding.box for finding in findings]).reshape(-1, 2, 3).transpose(1, 0, 2)
-    return [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()]
-
-
-def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
-    """Describe one trial cut of OCCT's shape; raises ExportError if the cut failed."""
+def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> str:
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
     return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"
 
 
-def _use_sentence(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of `use`; raises ExportError if a CAD program would fail with the file or misread it."""
+def _use_sentence(draft: MemberDraft, seconds: float) -> str:
+    """Describe all trials of the OCCT program; raises ExportError if a CAD program would fail with the file."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
         raise ExportError("OCCT did not cut the solid by members within the time limit") from error
-    _require_use(part, plan, report)
+    _require_use(report)
     return f"{CUT_COUNT} of {CUT_COUNT} half-space cuts valid, {report['fillets']} of {report['sharp']} fillets made"
 
 
-def _require_use(part: Part, plan: SmoothPlan, report: dict[str, Any]) -> None:
+def _require_use(report: dict[str, Any]) -> None:
     plain_limit = 1e-3  # largest relative error of the volume by OCCT's plain rule
     plain_error = report["plain"] / report["volume"] - 1
-    _require(
-        (report["valid"], "OCCT finds the solid by members invalid once it is read again"),
-        (
-            report["sound"] == CUT_COUNT,
-            _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1]),
-        ),
-        (report["boxed"], _cut_fault("a cut with a box", report["box_missed"])),
-        (report["closed"], "a section of the solid by members has open ends"),
-        (report["again"], "the solid by members is not the same once OCCT has written and read it"),
-        (abs(plain_error) <= plain_limit, f"the plain rule finds the volume by members {plain_error:.2%} off"),
-    )
+    _require(report["valid"], "OCCT finds the solid by members invalid once it is read again")
+    last_cut = _cut_fault(f"half-space cut {report['sound'] + 1} of {CUT_COUNT}", report["missed"][-1])
+    _require(report["sound"] == CUT_COUNT, last_cut)
+    _require(report["boxed"], _cut_fault("a cut with a box", report["box_missed"]))
+    _require(report["closed"], "a section of the solid by members has open ends")
+    _require(report["again"], "the solid by members is not the same once OCCT has written and read it")
+    _require(abs(plain_error) <= plain_limit, f"the plain rule finds the volume by members {plain_error:.2%} off")
 
 
 def _cut_fault(cut: str, missed: float) -> str:

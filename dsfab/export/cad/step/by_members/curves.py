@@ -1,4 +1,4 @@
-"""Cubic or quadratic curves along chains, one for both skins, moved onto the skins between their ends."""
+"""Curves of degree 2 or 3 along chains, one on each skin, moved onto the skins between their ends."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -11,11 +11,10 @@ from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.regions import VOID, ChainNet
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.edges import even_samples
-from dsfab.export.splines import Spline, basis, bernstein, splines_through
+from dsfab.export.splines import Spline, arc_lengths, basis, bernstein, even_samples, splines_through
 
 READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])
-"""Parameters of the four points that determine the poles of a cubic."""
+"""Parameters of four points of a cubic, which determine its poles."""
 
 READ_MATRIX = bernstein(READ_PLACES)
 POLE_MATRIX = np.linalg.inv(READ_MATRIX)
@@ -23,11 +22,10 @@ POLE_MATRIX = np.linalg.inv(READ_MATRIX)
 
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
-    """Cubic splines with continuous curvature on k spans between breaks (k + 1,); they are zero at the first and last
-    break.
+    """Cubic splines with continuous curvature on k spans between breaks (k + 1,); they are zero at both ends.
 
     places : (k + 1,) means of three knots; values at these places determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) contribution of each value to the poles of each span."""
+    poles  : (k, 4, k + 1) share of each value in the poles of each span."""
 
     breaks: Floats
     places: Floats
@@ -35,22 +33,12 @@ class InnerSpline:
 
     @classmethod
     def from_breaks(cls, breaks: Floats) -> "InnerSpline":
-        """Return the splines for breaks from 0 to 1; a cache stores them."""
+        """Return the splines for breaks from 0 to 1, from a cache."""
         return _inner_spline(breaks.tobytes())
-
-    @classmethod
-    def _compute(cls, breaks: Floats) -> "InnerSpline":
-        count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
-        places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
-        inside = (np.diff(breaks)[:, None] * READ_PLACES + breaks[:-1, None]).ravel()
-        values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
-        poles = np.linalg.solve(READ_MATRIX, values.reshape(count, 4, -1))
-        poles[0, 0] = poles[-1, -1] = 0
-        return cls(breaks, places, np.asarray(poles))
 
     @cached_property
     def hats(self) -> Floats:
-        """(k + 1, k, 4) contribution of each pole of each span to the value at each place."""
+        """(k + 1, k, 4) share of each pole of each span in the value at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -60,8 +48,15 @@ class InnerSpline:
 
 
 @lru_cache(maxsize=1024)
-def _inner_spline(breaks: bytes) -> InnerSpline:
-    return InnerSpline._compute(np.frombuffer(breaks))
+def _inner_spline(break_bytes: bytes) -> InnerSpline:
+    breaks: Floats = np.frombuffer(break_bytes)
+    knots = np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
+    places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
+    inside = (np.diff(breaks)[:, None] * READ_PLACES + breaks[:-1, None]).ravel()
+    values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
+    poles = np.linalg.solve(READ_MATRIX, values.reshape(len(breaks) - 1, 4, -1))
+    poles[0, 0] = poles[-1, -1] = 0
+    return InnerSpline(breaks, places, np.asarray(poles))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:
@@ -92,10 +87,10 @@ class SampledChain:
     @cached_property
     def lengths(self) -> Floats:
         """(k,) arc lengths, millimetres."""
-        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
+        return arc_lengths(self.middle)
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """Return the vector from one end to the chain's point `reach` mm farther, and the unit normal at this end."""
+        """Return the vector from one end to the point `reach` mm farther, and the unit normal at this end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.lengths[-1], 0.5)
             Q, target = self.Q[0 if from_start else -1], self.point(x if from_start else 1 - x)
@@ -108,7 +103,7 @@ class SampledChain:
         return {}
 
     def point(self, x: float) -> Floats:
-        """(6,) point at a share (below 1) of the length."""
+        """(6,) point of the chain at a share of its length, below 1."""
         s, to = self.lengths, x * self.lengths[-1]
         i = int(s.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (s[i] - s[i - 1]) * (to - s[i - 1]) + self.Q[i - 1])
@@ -117,7 +112,7 @@ class SampledChain:
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
     """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1. spans : (k, 4, 6) Bezier poles between breaks, mm.
-    off : largest distance from the samples of the chain."""
+    off : largest distance from the samples of the chain, mm."""
 
     breaks: Floats
     spans: Floats
@@ -145,8 +140,7 @@ class ChainCurve:
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Return the curve with other ends (6,); each pole between moves by a share that grows linearly along the
-        curve."""
+        """Return the curve with other ends (6,); the movement of poles changes linearly between the ends."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -159,21 +153,20 @@ class ChainCurve:
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the poles (k, 4, d) of parts of cubics (k, 4, d); each part runs from share `start` to share `end`
-    (k,)."""
+    """Return the poles (k, 4, d) of parts of cubics with poles (k, 4, d), from share `start` to share `end` (k,)."""
     inside = start[:, None] + (end - start)[:, None] * READ_PLACES
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
     return np.asarray(POLE_MATRIX @ rows @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
-    """Fit curves within tolerances to polylines (k, 6), millimetres, all at once."""
+    """Fit curves to polylines (k, 6), mm, within tolerances (mm), all at once."""
     fits = splines_through([even_samples(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.from_spline(*fit) for fit in fits]
 
 
 def on_skins(curves: Sequence[ChainCurve], vectors_to_skins: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Move the curves onto the skins between their ends; the faces beside a curve off the skins would stray too.
+    """Move curves onto the skins between their ends, because faces beside a curve off the skins would also be off.
     vectors_to_skins : function that returns the vectors from points (k, 6) to the skins."""
     if not curves:
         return []
@@ -192,9 +185,8 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[part] for p in points]) for part in (slice(-1), slice(1, None)))
     start_weights, end_weights = net.weights[start], net.weights[end]
-    parts = [
-        csr_array(start_weights * (1 - t) + end_weights * t) for t in np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
-    ]
+    shares = np.arange(SAMPLES_PER_EDGE) / SAMPLES_PER_EDGE
+    parts = [csr_array(start_weights * (1 - t) + end_weights * t) for t in shares]
     last_points = net.weights[np.array([p[-1] for p in points])]
     Q = lifting.points(csr_array(vstack([*parts, last_points], format="csr")))
     count, chord = len(start), limits.allowed_distances(Q[: len(start), :3]) - limits.distance
@@ -209,43 +201,33 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
 
 
 PARABOLA_SHARE = 1 / 10
-"""Largest distance of a parabola from its cubic, as a share of the allowed distance of a solid from the mesh."""
-
-TURN_TANGENTS = np.tan(np.deg2rad([0.5, 0.25]))
-"""Tangents of the largest turns of a curve at its ends, along the skins and out of them, where the skins are smooth."""
+"""Largest distance of a parabola from the cubic that it replaces, as a share of the allowed distance from the mesh."""
 
 ZERO_DIFFERENCE = 1e-8
-"""A third difference below this counts as zero (millimetres), because curves are cut and turned before they are
-written."""
+"""Third differences below this (mm) count as zero, because curves are cut and reversed before they are written."""
 
 BOW_FACTOR = np.sqrt(3) / 36
 """Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""
 
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
-    """Replace a curve by parabolas if all its cubics are nearly parabolas.
-    distance : allowed distance of a solid from its mesh, millimetres. The poles of a parabola lie farther out; if they
-    leave the box (2, 3) by more than `distance`, the curve stays cubic."""
-    wide = box + distance * np.array([[-1.0], [1.0]])
-    return [
-        replace(curve, spans=as_parabolas(curve.spans, 1))
-        if _are_parabolas(curve.spans, PARABOLA_SHARE * distance, wide)
-        else curve
-        for curve in curves
-    ]
+    """Replace each curve whose cubics are nearly parabolas by parabolas.
+    distance : allowed distance of a solid from its mesh, mm. A curve stays cubic if poles of its parabolas would leave
+               the box (2, 3) by more than `distance`."""
+    wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
+    simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
+    return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
 
 
 def as_parabolas(P: Floats, axis: int) -> Floats:
-    """Replace cubics, with 4 poles along an axis, by parabolas in cubic form through the ends and middles of the
-    cubics."""
+    """Replace cubics, with 4 poles along an axis, by parabolas in cubic form through their ends and middles."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
-    """Lower the degree of patches (ku, kv, 4, 4, 6) of a region to 2 in each direction in which the sides are
-    parabolas.
+    """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
 
     No pole moves by more than a share of `distance`, millimetres; the sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
@@ -257,7 +239,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
 
 
 def fewest_poles(P: Floats, axis: int) -> Floats:
-    """Return 3 poles along an axis if the cubics (k, 4, 6) are parabolas there, otherwise the given 4 poles."""
+    """Return 3 poles along an axis if the cubics (k, 4, 6) are parabolas there, otherwise the 4 poles of the input."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -269,12 +251,13 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """Return the (..) middle poles of parabolas in cubic form (4, ..); a reversed curve gives the same digits."""
+    """Return the middle poles (...) of parabolas in cubic form (4, ...); a reversed curve gives the same digits."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # the ends turn by 0.5 degrees at most, and by 0.25 out of a skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():
@@ -284,5 +267,5 @@ def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     third = _third(P)
     difference, out = np.linalg.norm(third, axis=2), np.abs((third * across).sum(axis=2))
     handle = 3 * np.linalg.norm(P[[1, 3]] - P[[0, 2]], axis=3).min(axis=0)
-    turned = (difference / 2 <= TURN_TANGENTS[0] * handle) & (out / 2 <= TURN_TANGENTS[1] * handle)
-    return bool((turned & (BOW_FACTOR * difference <= tolerance)).all())
+    is_smooth = (difference / 2 <= turn * handle) & (out / 2 <= turn_out * handle)
+    return bool((is_smooth & (BOW_FACTOR * difference <= tolerance)).all())

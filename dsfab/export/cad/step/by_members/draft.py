@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
-from types import MappingProxyType
+from itertools import islice
 from weakref import WeakSet
 
 import numpy as np
@@ -24,7 +24,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import LongSeam, with_long_se
 from dsfab.export.cad.step.by_members.fillets import without_fillets, without_short_walls
 from dsfab.export.cad.step.by_members.lines import NetLines
 from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, net_model
-from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, LineFits, Quad, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, LineFits, Quad, quad_of
 from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder
 from dsfab.export.cad.step.by_members.region_division import level, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import (
@@ -42,18 +42,15 @@ from dsfab.export.cad.step.by_members.trimmed_corrections import with_sampled_pe
 from dsfab.export.cad.step.by_members.trimmed_division import divided_faces
 from dsfab.export.cad.step.entities import StepEntities, bezier_knots, references
 from dsfab.export.cad.step.shared.lifting import Lifting
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.edges import OUTLINE_SHARE
-from dsfab.export.cad.step.smooth.solid import ROUNDING
+from dsfab.export.cad.step.shared.plan import SolidPlan
+from dsfab.export.cad.step.shared.skins import OUTLINE_SHARE, decimals
 from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import edge_table, link_components
 
 EDGE_DIGITS = 7
-"""Decimals of coordinates of edges in mm. If an edge is part of a patch's side, edge and side have different poles.
-OCCT ignores less than 1e-7 mm, but measures more at samples. A shortened edge has other samples, and an increase by a
-thousandth makes the edge invalid."""
-
-NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
+"""Decimals of the coordinates of edges in mm. An edge that is part of a patch's side has other poles than the side.
+OCCT ignores differences below 1e-7 mm. But a shortened edge has other samples, and if its difference grows by a
+thousandth the edge becomes invalid."""
 
 
 class NetWriter:
@@ -62,13 +59,13 @@ class NetWriter:
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
         self._points = partial(entity_list.points, digits=EDGE_DIGITS)
-        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
+        self.digits = decimals(thickness)
         self.vertices = [
             [entity_list.vertex(p, model.seam) for p in self._points(pair.reshape(2, 3))] for pair in model.vertices
         ]
         self.edges = list[list[int]]()
 
-    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
+    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
         """Add all faces and return their numbers. seams : extended seams by edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
@@ -132,15 +129,8 @@ class NetWriter:
         return self._grid(poles, EDGE_DIGITS)
 
     def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
-        flat_numbers, position = (
-            list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))),
-            0,
-        )
-        numbers = list[list[list[int]]]()
-        for k in map(len, lines):
-            numbers.append([flat_numbers[position : position + k], flat_numbers[position + k : position + 2 * k]])
-            position += 2 * k
-        return numbers
+        numbers = self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))
+        return [[list(islice(numbers, len(line))) for _ in range(2)] for line in lines]
 
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
         numbers = list(self.new.points(poles.reshape(-1, 3), digits))
@@ -161,40 +151,18 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-DESCRIPTION = "curved solid of four-sided patches by members"
-"""Description of the solid in the header of the file."""
-
 GAP_SHARE = 1 / 4000
 """Wanted gap between a trimmed face and its edges, as a share of the thickness."""
 
-NARROW_MM, THIN_GAP_SHARE = 0.01, 1 / 1500
-"""A gap below the first number (mm) is narrow enough, if it is also below the second, a share of the thickness. To
-close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles."""
-
-SHORT_WALL_SHARE = 1 / 20
-"""A wall between two borders is removed if it is shorter than this share of the thickness."""
-
-LENS_SHARE = 1 / 3
-"""A region between two chains is removed if it is narrower than this share of the thickness."""
-
 PASSES = 3
-"""Number of repeated tests for crossing outlines, because joined or undivided regions may cross again."""
+"""Number of repeated tests for crossing outlines, because outlines of joined or undivided regions may cross again."""
 
 UNASKED = 7000
-"""Largest number of faces for a hurry of 1, unless the user requests members by name: more faces take half a minute."""
-
-WALL_SHARE = 3 / 4
-"""Smallest expected ratio of walls to outline chains: in `hypar.obj` and a cylinder a fifteenth of the chains is
-joined."""
-
-
-BOX_SHARE = 1 / 300
-"""Largest distance of poles outside of the surface's box, as a share of the size of the box. Along the rim of a vault
-of 12 m poles were 170 mm above the box, and OCCT's box grew as much."""
+"""Largest number of faces if `hurry` is 1 and the user did not request members; more faces take half a minute."""
 
 
 class ManyFacesError(ExportError):
-    """The file has too many faces; only a request by name allows so many."""
+    """The file would have so many faces that the user must request it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,23 +176,18 @@ class MemberDraft:
     gap: float
 
 
-def member_plan(part: Part) -> SmoothPlan:
-    """Return the plan of a part, without a limit on its walls."""
-    return SmoothPlan(replace(part, hurry=0))
-
-
-def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraft:
-    """Encode a part without checks; raises ExportError if that fails, and ManyFacesError for too many faces without a
-    request.
+def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft:
+    """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
 
     fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
-    triangles, see `RegionInterior`.
+           triangles, see `RegionInterior`.
     """
-    with one_blas_thread():  # threads slow down thousands of small systems
+    with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 
 
-def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
+def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
+    least_walls = 3 / 4  # at least this share of an outline's chains become walls, usually 14 of 15
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -232,13 +195,13 @@ def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
     for sheet in _sheets(plan.curved.striped()):
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
-        _require_few(part, 2 * len(net.loops) + int(WALL_SHARE * walls))
+        _require_few(part, 2 * len(net.loops) + int(least_walls * walls))
         model, surfaces = _solid(part, net, RegionInterior(sheet, lifting, plan.limits.thickness, fine), plan)
         model, surfaces, seams = with_long_seams(model, surfaces)
         pieces.append(NetWriter(entity_list, model, plan.limits.thickness).faces(surfaces, seams))
         trimmed += surfaces
     _require_few(part, faces := sum(map(len, pieces)))
-    text = "".join(entity_list.file(pieces, part.name, DESCRIPTION))
+    text = "".join(entity_list.file(pieces, part.name, "curved solid of four-sided patches by members"))
     return MemberDraft(text, len(pieces), faces, 2 * len(trimmed), max((face.gap for face in trimmed), default=0.0))
 
 
@@ -246,7 +209,7 @@ _TOO_MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Return whether a part was refused because of its number of faces alone."""
+    """Return True if a part was refused only because of its number of faces."""
     return part in _TOO_MANY
 
 
@@ -255,8 +218,7 @@ def _require_few(part: Part, faces: int) -> None:
     if part.hurry and faces > limit:
         _TOO_MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than {limit}, which take too long to be tried "
-            "unasked"
+            f"by members it would have at least {faces} faces, more than the {limit} that are tried without a request"
         )
 
 
@@ -271,20 +233,21 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
         yield StripedSheet(striped.F[in_piece], striped.weights, striped.label[in_piece], striped.loose[in_piece], seam)
 
 
-def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
-    """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
-    region."""
+def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
+    """Return the net of a piece: about one wall for each outline chain, and at least two faces for each region."""
+    lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
+    wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.lines_on_creases if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
-    net = joined_outlines(without_lenses(net, P, LENS_SHARE * t), P, N)
-    net = with_steep_ends(without_short_walls(net, lifting, SHORT_WALL_SHARE * t), lifting, t)
+    net = joined_outlines(without_lenses(net, P, lens_share * t), P, N)
+    net = with_steep_ends(without_short_walls(net, lifting, wall_share * t), lifting, t)
     return straight_net(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
-def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
+def _solid(part: Part, net: ChainNet, interior: RegionInterior, plan: SolidPlan) -> tuple[NetModel, list[TrimmedFace]]:
     least_share = 0.95  # at least this share of the faces must remain after regions are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
@@ -330,13 +293,13 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: RegionInterior, fit
     return faces | fitted
 
 
-def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
+def _close(face: TrimmedFace | None, plan: SolidPlan) -> bool:
     tolerance = OUTLINE_SHARE * plan.limits.distance
     return face is not None and face.gap <= SPLIT and face.off <= tolerance
 
 
 def _with_cut_ends(
-    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
+    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SolidPlan
 ) -> tuple[ChainNet, NetModel]:
     regions, previous = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
@@ -355,7 +318,7 @@ def _with_cut_ends(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles around each trimmed region. A line that is part of several outlines moves all of them."""
+    """Return the poles around each trimmed region; a line that belongs to several outlines changes all of them."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -368,9 +331,9 @@ def _changed_regions(previous: dict[int, bytes], outlines: dict[int, bytes]) -> 
 
 
 class _Fits:
-    """Lines and models of nets. A cache keeps samples of unchanged chains and trimmed faces of unchanged outlines."""
+    """Lines and models of nets. A cache keeps the samples of unchanged chains and the faces of unchanged outlines."""
 
-    def __init__(self, interior: RegionInterior, plan: SmoothPlan) -> None:
+    def __init__(self, interior: RegionInterior, plan: SolidPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH_SHARE * plan.limits.thickness
         skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
         box = _wide_box(skins)
@@ -398,15 +361,18 @@ class _Fits:
             around = [chains[k] for loop in loops for k, _ in loop]
             cached = self.quads.get(region)
             if cached is None or cached[0] != loops or any(a is not b for a, b in zip(cached[1], around, strict=True)):
-                regular, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
-                self.quads[region] = loops, around, regular[0] if regular else None
+                self.quads[region] = loops, around, quad_of(region, loops, chains, self.reach)
         quads = {region: self.quads[region][2] for region in net.loops}
         return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 
 
 def _wanted_gap(thickness: float) -> float:
-    return max(GAP_SHARE * thickness, min(NARROW_MM, THIN_GAP_SHARE * thickness))
+    # To close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+    narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough below 0.01 mm and this share of the thickness
+    return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    return np.asarray(skins + BOX_SHARE * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))
+    # Along the rim of a vault of 12 m poles were 170 mm above the box of the surface, and OCCT's box grew as much.
+    share = 1 / 300  # poles may leave the box by this share of its size
+    return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

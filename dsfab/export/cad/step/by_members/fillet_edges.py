@@ -1,4 +1,4 @@
-"""Edges that OCCT can fillet: extended seams at corners, the order of walls, and direction and length of edges."""
+"""Preparation of edges for fillets by OCCT: longer seams at corners, order of walls, direction and length of edges."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -25,23 +25,21 @@ from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
 FACE_TOLERANCE = 1e-6
-"""Largest distance in mm of a face from the extended part of a seam."""
+"""Largest distance (mm) of a face from the extended part of a seam."""
 
 PLACES = np.linspace(0, 1, 17)
-"""Parameters where the distance of `FACE_TOLERANCE` is measured."""
+"""Parameters of a curve where its distance from a face is measured."""
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return (2, 4, 2) poles of curves (4, 6) in the parameters of both surfaces of a trimmed face; None if a curve
-    is off."""
+    """Return poles (2, 4, 2) of curves (4, 6) in the parameters of both surfaces of a trimmed face, or None."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
-    skins = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
-    return np.stack([places(*skin) for skin in skins])
+    return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return (2, 2, 2) ends of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
+    """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
     edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
     P = patch.poles
     for axis in (0, 1):
@@ -59,13 +57,10 @@ def _parameter(side: Floats, point: Floats) -> float:
     steps = 5  # Newton's method begins at the nearest sample and needs few steps
     x = float(PLACES[np.argmin(np.linalg.norm(bernstein(PLACES) @ side - point, axis=1))])
     for _ in range(steps):
-        point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
+        quadratic = np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
+        point_on_side, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (quadratic @ np.diff(side, axis=0))
         x += float((point - point_on_side) @ ahead) / max(float(ahead @ ahead), 1e-300)
     return x if abs(x - round(x)) > 1e-10 else float(round(x))
-
-
-def _quadratic(x: float) -> Floats:
-    return np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
 
 
 def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
@@ -75,32 +70,28 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
 
 
 FILLET_SHARE = 1 / 6
-"""A seam is extended for a fillet with this radius over the thickness, times the tangent of half the turn."""
+"""Radius over the thickness of the fillet for which a seam is extended: by radius times tangent of half the turn."""
 
 MARGIN = 0.1
-"""Surfaces extend farther than the seam by this share of its extension."""
-
-WIDER_SHARE = 1 / 100
-"""Extension of a patch, as a share of the thickness, beside a seam that continues a wall's edge. OCCT extends the seam
-nearly along that edge and needs places on the patch for it."""
+"""Surfaces extend farther than the seam by this share of the seam's extension."""
 
 LARGE_FILLET_SHARE = 1 / 8
-"""The patch beyond such a seam is extended for a fillet with this radius over the thickness. OCCT extends the patch
-along its tangents. The gap at the end of the fillet becomes the tolerance of the extended seam. If the tolerance is
-above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
+"""Radius over the thickness of the fillet for which the patch beyond a seam along a wall's edge is extended. OCCT
+extends the patch along its tangents, and the gap at the fillet's end becomes the tolerance of the seam. If the
+tolerance is above 1e-4 mm, the seam runs backwards, and the solid is invalid."""
 
 TANGENT_GAP = 3e-5
 """Wanted gap (mm) at the end of the fillet. With a smaller gap the tolerance is ten times that of the seam, 1e-6 mm.
 But then the extended seam was off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
 
 POLE_OFFSET = 1e-5
-"""Movement (mm) of a pole of such a seam if a trimmed face, which is wide enough, lies beyond. The extended seam was
-off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
+"""Movement (mm) of a pole of a seam along a wall's edge, if the face beyond is a trimmed face and wide enough. The
+extended seam was off by up to 1.4e-5 mm; with the movement its tolerance is 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or the edge of a wall beside a corner with such a seam.
+    """Extended seam, or the edge of a wall beside a corner where such a seam ends.
     poles : (4, 6) of its curves, mm.
     on    : by face (patches first, trimmed faces last), poles (2, k, 2) of the curves in parameters of both surfaces.
     """
@@ -110,14 +101,13 @@ class LongSeam:
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return poles (4, 6) of extended seams by edge: of each seam that alone ends at a filled corner."""
+    """Return poles (4, 6) of extended seams, by edge: of each seam that alone ends at a filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
 
 def _extensions(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """Return for each edge the shares (2,) by which it extends before its start and after its end, and the poles (4,
-    6)."""
+    """Return for each edge the shares (2,) by which it extends beyond its start and its end, and the poles (4, 6)."""
     longest = 3.0  # a polynomial is unreliable beyond three times the edge's length
     shares = dict[int, Floats]()
     for corner in corners:
@@ -148,17 +138,15 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
     for P in np.split(ahead, 2, axis=1):
         speed = 3 * float(np.linalg.norm(P[1] - P[0]))
         bend = 6 * abs(float((P[2] - 2 * P[1] + P[0]) @ across)) / max(thick * speed**2, 1e-300)
-        shares.append(
-            (LARGE_FILLET_SHARE * thick * half - np.sqrt(2 * TANGENT_GAP / max(bend, 1e-300))) / max(speed, 1e-300)
-        )
+        reach = LARGE_FILLET_SHARE * thick * half - np.sqrt(2 * TANGENT_GAP / max(bend, 1e-300))
+        shares.append(reach / max(speed, 1e-300))
     return max(0.0, *shares) / (1 + MARGIN)
 
 
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend surfaces along extended seams; return the model, the faces, and the extended seams with their neighbours
-    by edge.
+    """Extend surfaces along extended seams; return model, faces, and by edge the seams and the edges beside them.
 
     A seam that leaves one of its faces is not extended."""
     corners = filled_corners(model)
@@ -207,16 +195,14 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return for each patch at a seam that continues a wall's edge a box around both, and places (2, 2, 2) beyond
-    the seam."""
+    """Return boxes and places (2, 2, 2) by patch, for seams that continue a wall's edge; places lie beyond the seam."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
-        for i in (i for i, face_edges in loops.items() if corner.seam in face_edges):
+        for i in (i for i, edges in loops.items() if corner.seam in edges and i < len(model.patches)):
             if corner.straight in loops[i]:
-                if i < len(model.patches):
-                    boxes[i] = _wider_box(model.patches[i])
-            elif corner.seam in longer and i < len(model.patches):
+                boxes[i] = _wider_box(model.patches[i])
+            elif corner.seam in longer:
                 uv = _places(model, faces, i, corner.seam, *longer[corner.seam])
                 if uv is not None:
                     needed.setdefault(i, []).append(uv)
@@ -224,10 +210,11 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
+    wider = 1 / 100  # share of the thickness; OCCT extends the seam nearly along the wall's edge, onto the patch
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
-    margin = WIDER_SHARE * thick / np.maximum(long, WIDER_SHARE * thick)
+    margin = wider * thick / np.maximum(long, wider * thick)
     return np.tile(np.stack([-margin, 1 + margin]), (2, 1, 1))
 
 
@@ -251,12 +238,9 @@ def _on_both(
 
 
 def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
-    count = len(model.patches)
-    return (
-        on_patch(model.patches[i], model.edges[e].poles, share, poles)
-        if i < count
-        else on_face(faces[i - count], poles)
-    )
+    if i < len(model.patches):
+        return on_patch(model.patches[i], model.edges[e].poles, share, poles)
+    return on_face(faces[i - len(model.patches)], poles)
 
 
 def _box(uv: Floats) -> Floats:
@@ -282,11 +266,11 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
 
 
 CLEAR_EDGE = 1 / 7
-"""Largest fillet, as radius over the thickness, that ends before the nearest cut of a wall's edge."""
+"""Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
 
 LONGEST_SHARE = 4.0
-"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
-edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
+"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends
+the edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
 1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
 DENSE = np.linspace(0, 1, 129)
@@ -294,9 +278,9 @@ DENSE = np.linspace(0, 1, 129)
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """Order the walls around each outline with edges along them, as OCCT needs for fillets.
-    An outline begins where it is smoothest. If the outline has only corners, its first and its last corner belong to
-    the first wall. An edge of this wall must end at each of them, so a wall with a single edge gets two edges."""
+    """Order the walls around each outline and their edges, as OCCT needs for fillets.
+    An outline begins where it is smoothest. If it has only corners, its first and its last corner belong to the first
+    wall. An edge of this wall must end at each of these corners, so a wall with a single edge gets two edges."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -310,10 +294,8 @@ def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMo
 def _directed_walls(
     outline: list[NetWall], model: NetModel, face_of_edge: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
-    cosines = [
-        float(wall_direction(wall, model, True) @ wall_direction(outline[i - 1], model, False))
-        for i, wall in enumerate(outline)
-    ]
+    starts, ends = ([wall_direction(wall, model, at_start) for wall in outline] for at_start in (True, False))
+    cosines = [float(start @ ends[i - 1]) for i, start in enumerate(starts)]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
     turns = [half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
@@ -359,15 +341,14 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model that are cut or reversed. forwards : steps that replace each such edge."""
+    """Edges of a model that are cut or reversed. forwards : by edge, the steps that replace it."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares in its direction; with `against`, the first part runs against the direction of the
-        edge."""
+        """Cut an edge at shares in its direction; with `against`, the first part is reversed."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -384,7 +365,7 @@ class CutEdges:
         self.forwards[e] = along if ahead else backwards(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """Return the model with walls in the given order."""
+        """Return the model with other walls."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).with_loops(self.loop)
 
     def loop(self, loop: ChainLoop) -> ChainLoop:

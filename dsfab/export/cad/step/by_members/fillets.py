@@ -1,6 +1,6 @@
-"""Fillets at round corners of openings: joined to the regions beside them, with borders moved to the fillets' ends."""
+"""Round corners of openings: they join the regions beside them, and borders move to the ends of the corners' arcs."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -9,15 +9,13 @@ from scipy.sparse import csr_array, vstack
 from dsfab.core.arrays import Floats, Ints
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, ends_at, outline_through
 from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.splines import arc_lengths, polyline_length
 
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """Move ends of chains, (chain, 0 or -1), to other points; each inner point moves by a share that grows linearly."""
+    """Move ends of chains, (chain, 0 or -1), to other points; between the ends, the movement changes linearly."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
-    ends = {
-        k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)]
-        for k in dict.fromkeys(k for k, _ in moves)
-    }
+    ends = {k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)] for k, _ in moves}
     if not ends:
         return net
     between = [_moved_points(P, net.chains[k].points, end_points) for k, end_points in ends.items()]
@@ -32,27 +30,22 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
     fewest = 5  # a chain with moved ends has at least 5 points
     line = P[points]
-    lengths = _lengths(line)
+    lengths = arc_lengths(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
     x = np.linspace(0, 1, max(len(points), fewest))
-    points_on_line = np.stack([np.interp(x * lengths[-1], lengths, c) for c in line.T], axis=1)
+    points_on_line = np.stack([np.interp(x * lengths[-1], lengths, column) for column in line.T], axis=1)
     return np.asarray((points_on_line + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
 
 
-def _lengths(line: Floats) -> Floats:
-    return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-
-
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
-    """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
-    A short wall leaves an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
-    such walls and took no fillet."""
+    """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
+    Beside a short wall, an arc ends at any angle: at four feet of members eight of twelve edges took no fillet."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
     loops = {region: [list(loop) for loop in region_loops] for region, region_loops in net.loops.items()}
     for k, chain in net.chains.items():
-        if chain.right != VOID or _lengths(P[chain.points])[-1] >= shortest:
+        if chain.right != VOID or arc_lengths(P[chain.points])[-1] >= shortest:
             continue
         before, after = (outline_and_border(net, node_ends[int(chain.points[i])]) for i in (0, -1))
         wall_loop = next(loop for loop in loops[chain.left] if (k, True) in loop)
@@ -60,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the straighter end gives way
+        first_gives_way = turned[0] < turned[1]  # the wall at the straighter end takes the short wall
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -73,11 +66,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return the outline's chains that end and begin at a node, and the end of its only border there, or None."""
-    outline, borders = (
-        outline_through(net, ends),
-        [chain_end for chain_end in ends if net.chains[chain_end[0]].right != VOID],
-    )
+    """Return an outline's chains that end and begin at a node, and the end of its only border there, or None."""
+    outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
@@ -88,18 +78,12 @@ def turn_at(three: Floats) -> float:
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
-def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
-    """Give each crossing the parts of its round corners that lie in outlines of members.
+class _Arcs:
+    """Arcs of round corners that grow by their parts in outlines of members.
+
     Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
     the part."""
-    work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
-    for arc in arcs:
-        for direction in (-1, 1):
-            work.take_neighbour(arc, direction)
-    return with_moved_ends(replace(net, chains=work.chains, loops=work.loops), work.moves, lifting)
 
-
-class _Arcs:
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
@@ -111,19 +95,18 @@ class _Arcs:
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
         border, ahead = loop[(loop.index((arc, True)) + direction) % len(loop)]
-        beyond_loop = self._loop(self._region_beyond((border, ahead)), (border, not ahead))
+        beyond_loop = self._loop(self.chains[border].region_beyond(ahead), (border, not ahead))
         if len(beyond_loop) < 4:
             return
         position, node = beyond_loop.index((border, not ahead)), -1 if direction > 0 else 0
         rest, wall = (beyond_loop[(position + i * direction) % len(beyond_loop)] for i in (1, 2))
         points = self.chains[rest[0]].points
-        walls = self._region_beyond(rest) == VOID == self._region_beyond(wall)
         if (
-            not walls
-            or rest[0] in self.arcs
+            any(self.chains[k].region_beyond(forwards) != VOID for k, forwards in (rest, wall))
             or self.degree[points[node]] != 2
-            or self._length(points) > self._length(chain.points)
         ):
+            return
+        if rest[0] in self.arcs or self._length(points) > self._length(chain.points):
             return
         point_rows = [chain.points, points[1:]] if direction > 0 else [points, chain.points[1:]]
         self.chains[arc] = replace(chain, points=np.concatenate(point_rows))
@@ -134,20 +117,21 @@ class _Arcs:
     def _loop(self, region: int, step: tuple[int, bool]) -> ChainLoop:
         return next((loop for loop in self.loops.get(region, []) if step in loop), [])
 
-    def _region_beyond(self, step: tuple[int, bool]) -> int:
-        chain = self.chains[step[0]]
-        return chain.right if step[1] else chain.left
-
     def _length(self, points: Ints) -> float:
-        return float(_lengths(self.P[points])[-1])
+        return float(arc_lengths(self.P[points])[-1])
 
 
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """Take every fillet into the neighbouring regions; other loose regions stay."""
+    """Join every fillet with the neighbouring regions; other regions outside of all stripes stay."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take_region(region)
-    return with_whole_arcs(work.result(), work.arcs, lifting)
+    net = work.result()
+    arcs = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(work.arcs))
+    for arc in work.arcs:
+        for direction in (-1, 1):
+            arcs.take_neighbour(arc, direction)
+    return with_moved_ends(replace(net, chains=arcs.chains, loops=arcs.loops), arcs.moves, lifting)
 
 
 class _Fillets:
@@ -156,7 +140,7 @@ class _Fillets:
         P: Floats = np.asarray(net.weights @ lifting.skins.points)
         self.P = np.concatenate([P, np.zeros((len(net.loose), 3))])
         self.count, self.free = len(P), len(net.chains)
-        self.middles = list[tuple[int, int, float]]()
+        self.middles = list[tuple[tuple[int, int], float]]()
         self.chains, self.loops = dict(net.chains), {r: [list(x) for x in loops] for r, loops in net.loops.items()}
         self.loose = set(net.loose)
         self.place = dict[int, int]()
@@ -169,13 +153,13 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        flat_detour = 4.0  # limit for two members behind a fillet: their walls contain a part of the arc
-        # Largest ratio of the length along the members behind a fillet to the length of its arc. It is 1.27 for a right
-        # angle, 1.65 for 60 degrees, and 3 for a square.
-        detour = 2.2
+        # The length along the members behind a fillet is at most 2.2 times its arc, or 4 times for two members, whose
+        # walls contain a part of the arc. It is 1.27 times for a right angle, 1.65 for 60 degrees, and 3 for a square.
+        detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
-        inner, arc = _inner_and_arc(self.loops[region][0], self._neighbours(region))
+        loop = self.loops[region][0]
+        inner, arc = _inner_and_arc(loop, [self._neighbour(step) for step in loop])
         if not inner or not arc:
             return
         points = np.concatenate([self._points(step)[:-1] for step in arc] + [self._points(arc[-1])[-1:]])
@@ -194,11 +178,8 @@ class _Fillets:
             points, middle = self._middle(points)
             halves = [points[middle:], points[: middle + 1]]
             self.place |= dict.fromkeys(behind, int(points[middle]))
-        self._hand_over(inner, neighbours, halves)
-        for k, _ in arc:
-            del self.chains[k]
-        del self.loops[region]
-        self.loose.discard(region)
+        self._divide_arc(inner, neighbours, halves)
+        self._remove(region, arc)
 
     def _to_crossing(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> bool:
         crossing = self._crossing(inner, neighbours)
@@ -213,7 +194,7 @@ class _Fillets:
         if any(border < 0 for border, _, _ in moves):
             return False
         steps = [(k, not ahead) for (k, ahead), r in zip(inner, neighbours, strict=True) if r == crossing]
-        first_step = steps[0] if steps else self._leaving(moves[0][0], moves[0][1])
+        first_step = steps[0] if steps else (moves[0][0], int(self.chains[moves[0][0]].points[0]) == moves[0][1])
         loop = next((candidate for candidate in self.loops[crossing] if first_step in candidate), None)
         if loop is None:
             return False
@@ -224,22 +205,21 @@ class _Fillets:
         self.arcs.append(self.free)
         self.free += 1
         self.moved |= {(border, c): end for border, c, end in moves}
-        self._remove(region, inner, arc, neighbours)
+        for (k, ahead), neighbour in zip(inner, neighbours, strict=True):
+            for neighbour_loop in self.loops[neighbour]:
+                if (k, not ahead) in neighbour_loop:
+                    neighbour_loop.remove((k, not ahead))
+        self._remove(region, [*inner, *arc])
         return True
 
-    def _remove(self, region: int, inner: ChainLoop, arc: ChainLoop, neighbours: list[int]) -> None:
-        for (k, ahead), neighbour in zip(inner, neighbours, strict=True):
-            for loop in self.loops[neighbour]:
-                if (k, not ahead) in loop:
-                    loop.remove((k, not ahead))
-        for k, _ in [*inner, *arc]:
+    def _remove(self, region: int, steps: ChainLoop) -> None:
+        for k, _ in steps:
             del self.chains[k]
         del self.loops[region]
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet that borders on both members beside it, or that is far smaller than the
-        other."""
+        """Return the region behind a fillet that borders on both members, or is far smaller than the other."""
         smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
@@ -258,21 +238,15 @@ class _Fillets:
         return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
 
     def _border(self, corner: int, member: int, crossing: int) -> int:
-        candidates = [
-            k
-            for k in self._ending(corner)
-            if {self.chains[k].left, self.chains[k].right} == {member, crossing} and (k, corner) not in self.moved
-        ]
+        candidates = [k for k in self._ending(corner) if (k, corner) not in self.moved]
+        candidates = [k for k in candidates if {self.chains[k].left, self.chains[k].right} == {member, crossing}]
         return candidates[0] if len(candidates) == 1 else -1
 
     def _ending(self, point: int) -> list[int]:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
-    def _leaving(self, k: int, point: int) -> tuple[int, bool]:
-        return k, int(self.chains[k].points[0]) == point
-
-    def _hand_over(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc, and give its parts to the first and the last region behind it; the last part comes first."""
+    def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
+        """Divide an arc between the first and the last region behind it; the part of the last region comes first."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None
@@ -286,43 +260,31 @@ class _Fillets:
                     loop[position : position + 1] = replacement
             del self.chains[k]
 
-    def _neighbours(self, region: int) -> list[int]:
-        return [self._neighbour(step) for step in self.loops[region][0]]
-
     def _neighbour(self, step: tuple[int, bool]) -> int:
-        chain = self.chains[step[0]]
-        return chain.right if step[1] else chain.left
+        return self.chains[step[0]].region_beyond(step[1])
 
     def _points(self, step: tuple[int, bool]) -> Ints:
-        points = self.chains[step[0]].points
-        return points if step[1] else points[::-1]
+        return self.chains[step[0]].directed_points(step[1])
 
     def _length(self, points: Ints) -> float:
-        return float(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1).sum())
+        return polyline_length(self.P[points])
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
-        lengths = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
+        lengths = arc_lengths(self.P[points])
         half = lengths[-1] / 2
         i = int(np.clip(np.searchsorted(lengths, half) - 1, 0, len(points) - 2))
         t = (half - lengths[i]) / (lengths[i + 1] - lengths[i])
-        self.middles.append((int(points[i]), int(points[i + 1]), float(t)))
+        self.middles.append(((int(points[i]), int(points[i + 1])), float(t)))
         self.P[self.count] = (1 - t) * self.P[points[i]] + t * self.P[points[i + 1]]
         self.count += 1
         return np.insert(points, i + 1, self.count - 1), i + 1
 
     def result(self) -> ChainNet:
-        starts, ends, t = (
-            (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
-        )
-        weights = self.net.weights
-        rows = [weights, weights[starts].multiply(1 - t[:, None]) + weights[ends].multiply(t[:, None])]
-        net = replace(
-            self.net,
-            weights=csr_array(vstack(rows, format="csr")),
-            chains=self.chains,
-            loops=self.loops,
-            loose=frozenset(self.loose),
-        )
+        starts, ends = np.array([points for points, _ in self.middles], dtype=np.int64).reshape(-1, 2).T
+        t, rows = np.array([share for _, share in self.middles]), self.net.weights
+        halves = rows[starts].multiply(1 - t[:, None]) + rows[ends].multiply(t[:, None])
+        rows = csr_array(vstack([rows, halves], format="csr"))
+        net = replace(self.net, weights=rows, chains=self.chains, loops=self.loops, loose=frozenset(self.loose))
         moves = {
             (k, i): self.moved.get((k, int(chain.points[i])), self.place.get(int(chain.points[i]), -1))
             for k, chain in self.chains.items()

@@ -1,4 +1,4 @@
-"""Lines along several chains, and arcs at the round corners of openings, tangent to the walls beside them."""
+"""Lines along several chains, and arcs at round corners of openings, tangent to the walls beside them."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,23 +22,16 @@ ChainEnd = tuple[int, int]
 """End of a chain: number of the chain, and 0 for its first point or -1 for its last."""
 
 
-SHORTEST_SPAN = 1 / 16
-"""Smallest part of a divided cubic, as a share of the line's parameters. Ends of lines may lie outside of the box."""
-
-MIDDLE_SHARE = 1 / 4
-"""If a chain ends near the middle of a cubic, the cubic is divided there: at most this share of the cubic away."""
-
-
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """One curve along several chains. at : (k + 1,) parameters where the chains end."""
+    """One curve along several chains. at : (k + 1,) parameters where the chains begin and end."""
 
     steps: ChainLoop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters; between each pair one side of the line is void. The material is on the left."""
+        """Return pairs of parameters between which the space beside the line is void. Material is on the left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -53,26 +46,29 @@ class ChainLine:
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
         """Divide the cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
-        return self._divide(lambda a, b, P: _is_inside(P, box))
+        return self._divide(lambda a, b, P: bool(((P.reshape(8, 3) >= box[0]) & (P.reshape(8, 3) <= box[1])).all()))
 
     def with_halved_spans(self, spans: Bools) -> "ChainLine":
-        """Halve the cubics that `spans` (k,) marks."""
+        """Halve the cubics for which `spans` (k,) is True."""
         ends = pairwise(self.curve.breaks.tolist())
         marked = {span for span, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them or they are short: in the middle, or where a chain ends near
-        the middle."""
+        """Divide cubics in the middle, or where a chain ends near it, until `may_stay` accepts them."""
+        shortest = 1 / 16  # a shorter part of the line's parameters stays, because ends of lines may lie outside a box
+        middle_share = (
+            1 / 4
+        )  # a chain's end is near the middle of a cubic if it is at most this share of the cubic away
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
             a, b, P = todo.pop()
-            if may_stay(a, b, P) or b - a < SHORTEST_SPAN:
+            if may_stay(a, b, P) or b - a < shortest:
                 breaks.append(b)
                 spans.append(P)
                 continue
-            near_ends = self.at[np.abs(self.at - (a + b) / 2) < MIDDLE_SHARE * (b - a)]
+            near_ends = self.at[np.abs(self.at - (a + b) / 2) < middle_share * (b - a)]
             x = near_ends[np.argmin(np.abs(near_ends - (a + b) / 2))] if len(near_ends) else (a + b) / 2
             share = (x - a) / (b - a)
             lower, upper = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
@@ -84,8 +80,7 @@ class ChainLine:
 
 
 class NetLines:
-    """Lines of a net. `place` gives the line and the parameters of each chain. twins : lines on both sides of a
-    seam."""
+    """Lines of a net. `place` : line and parameters of each chain. twins : lines on both sides of a seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -102,10 +97,7 @@ class NetLines:
     def nodes(self, i: int) -> list[int]:
         """Nodes of a line in order."""
         steps = self.lines[i].steps
-        return [
-            *(node_of(self.net, (k, 0 if ahead else -1)) for k, ahead in steps),
-            node_of(self.net, end_of(steps[-1])),
-        ]
+        return [*(self.net.ends(step)[0] for step in steps), self.net.ends(steps[-1])[1]]
 
     def parts(self, parts: Sequence[LinePart]) -> Floats:
         """Return (k, 4, 6) poles of parts of lines, in the direction of each part; no part may contain a break."""
@@ -149,7 +141,7 @@ class NetLines:
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """Move the end of each line onto the line where it ends."""
+    """Move each end of a line that lies on another line onto that line."""
     points = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -170,7 +162,7 @@ def with_twins(lines: NetLines) -> NetLines:
     for points, i in seam.items():
         j = seam.get(tuple(net.twins[p] for p in points))
         if j is None:
-            raise ExportError("the sheet is not divided alike on both sides of where its one side was cut open")
+            raise ExportError("the sheet has different borders on both sides of the seam through its one-sided surface")
         twins[i] = j
         if i < j:
             curve = result[i].curve
@@ -179,9 +171,9 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Return the points (6,) of nodes inside lines.
-    When the ends of a line move, the nodes on the line move too, and these may be ends of further lines. So the points
-    are the solution of a linear system."""
+    """Return the points (6,) of nodes inside lines, by node.
+    When the ends of a line move, its inner nodes move too, and these may be ends of further lines. So the points solve
+    a linear system."""
     net, inner_nodes = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
         inner_nodes += [(node, i, x) for node, x in zip(lines.nodes(i)[1:-1], line.at[1:-1].tolist(), strict=True)]
@@ -203,8 +195,7 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
     """Nodes at the ends of a line."""
-    (first_chain, ahead), last_step = line.steps[0], line.steps[-1]
-    return node_of(net, (first_chain, 0 if ahead else -1)), node_of(net, end_of(last_step))
+    return net.ends(line.steps[0])[0], net.ends(line.steps[-1])[1]
 
 
 def node_of(net: ChainNet, end: ChainEnd) -> int:
@@ -217,45 +208,26 @@ def end_of(step: tuple[int, bool]) -> ChainEnd:
     return step[0], -1 if step[1] else 0
 
 
-def _is_inside(P: Floats, box: Floats) -> bool:
-    points = P.reshape(8, 3)
-    return bool((points >= box[0]).all() and (points <= box[1]).all())
-
-
 CORNER_ANGLE = np.deg2rad(50.0)
 """An outline has a corner where two of its chains meet with at least this turn (radians)."""
 
 BEND_ANGLE = np.deg2rad(10.0)
 """An outline is round at a vertex with at least this turn (radians), see `regions.ROUND_COSINE`."""
 
-FLATTEST_COSINE = np.cos(np.deg2rad(25.0))
-"""Cosine of the smallest angle between an arc and a border that ends with the arc; patches in narrower wedges are
-folded."""
-
-WIDEST_COSINE = np.cos(np.deg2rad(80.0))
-"""Cosine of the largest angle between an arc's chord and its direction at an end."""
-
-DENSE = np.linspace(0, 1, 65)
-"""Parameters where an arc is compared with its chords."""
-
 
 class ArcsOnSkins:
-    """Arcs on both skins and their distances from the chains, with a cache. away : vectors (k, 6) from points to the
-    skins."""
+    """Arcs on both skins and their distances from the chains, with a cache.
+    away : function of points (k, 6) that returns the vectors to the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
 
     def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
-        """Return the arcs on the skins, by chain."""
         poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
-        changed = [k for k in arcs if not self._is_cached(k, chains[k], poles[k])]
+        changed = [k for k in arcs if k not in self.known or self.known[k][:2] != (chains[k], poles[k])]
         for k, curve in zip(changed, on_skins([arcs[k] for k in changed], self.away), strict=True):
             self.known[k] = chains[k], poles[k], replace(curve, off=_largest_distance(chains[k].Q, curve))
         return {k: self.known[k][2] for k in arcs}
-
-    def _is_cached(self, k: int, chain: SampledChain, poles: bytes) -> bool:
-        return k in self.known and self.known[k][0] is chain and self.known[k][1] == poles
 
 
 def with_arcs(
@@ -265,8 +237,8 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : chains of these corners."""
-    rounds = 4  # an arc that becomes a wall may push other arcs off their chords
+    """Replace lines of round corners, the chains `rounded`, by arcs within tolerances (mm, by chain)."""
+    rounds = 4  # without an arc that is refused, the arcs beside it change and may leave their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -276,25 +248,20 @@ def with_arcs(
         if not rejected:
             break
         corners.round -= rejected
-    arc_of_line = {lines.place[k][0]: arc for k, arc in arcs.items()}
-    return NetLines(
-        lines.net,
-        [_line_with_arc(line, arc_of_line[i]) if i in arc_of_line else line for i, line in enumerate(lines.lines)],
-    )
-
-
-def _line_with_arc(line: ChainLine, arc: ChainCurve) -> ChainLine:
-    return replace(line, curve=arc if line.steps[0][1] else arc.backwards())
+    result = list(lines.lines)
+    for k, arc in arcs.items():
+        i = lines.place[k][0]
+        result[i] = replace(result[i], curve=arc if result[i].steps[0][1] else arc.backwards())
+    return NetLines(lines.net, result)
 
 
 def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
-    line = curve(DENSE)
+    line = curve(np.linspace(0, 1, 65))
     return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return outline chains with a bend at an inner vertex, and chords of their arcs within tolerances (mm, by
-    chain)."""
+    """Return the chains of outlines that bend inside, or are chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -327,8 +294,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners, by chain. At a node without a common direction, the chain keeps its
-        direction."""
+        """Return the arcs of round corners by chain. Without a common direction a chain keeps its direction."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -346,13 +312,8 @@ class _Corners:
             self.made[k] = start, end, _arc_between(P[0], Q[3], start_direction, end_direction)
         return self.made[k][2]
 
-    def _chord(self, k: int) -> tuple[Floats, Floats]:
-        spans = self.curves[k].spans
-        return spans[0, 0], spans[-1, -1]
-
     def _known_way(self, node: int) -> Floats | None:
-        """Return the (6,) direction of an outline at a node, from a cache; None at a corner, or at a border that
-        leaves this way."""
+        """Return the direction (6,) of an outline at a node, from a cache; None at a corner or along a border."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -362,35 +323,34 @@ class _Corners:
         return self.known[kind]
 
     def _way(self, node: int, before: int, after: int) -> Floats | None:
-        way_before, way_after = self._end_ways(before, after)
+        flattest = 25.0  # a border meets an arc at 25 degrees or more, because patches in narrower wedges are folded
+        P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
+        way_before, way_after = _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
         if _mean_direction(way_before) @ _mean_direction(way_after) < np.cos(CORNER_ANGLE):
             return None
         d = way_after if before in self.round else way_before
         if before in self.round and after in self.round:
             d = self._on_circle(before, after)
         seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
-        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < FLATTEST_COSINE for seam, end in seams)
+        limit = np.cos(np.deg2rad(flattest))
+        steep = all(abs(_mean_direction(d) @ self._seam_way(seam, end)) < limit for seam, end in seams)
         return d if steep else None
 
-    def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
-        P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
-        return _scaled_direction(P[3] - P[2]), _scaled_direction(Q[1] - Q[0])
-
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the (6,) tangent at the point where two consecutive chains meet, of the circle through the three
-        ends."""
-        (a, b), (_, c) = self._chord(before), self._chord(after)
+        """Return the tangent (6,) where two chains meet, of the circle through their three ends."""
+        spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
+        a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
         return _scaled_direction((b - a) * length_after / length_before + (c - b) * length_before / length_after)
 
     def _seam_way(self, k: int, end: int) -> Floats:
         P = self.lines.curve(k).spans[end]
-        return _unit(_mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3]))
+        direction = _mean_direction(P[1] - P[0]) if end == 0 else _mean_direction(P[2] - P[3])
+        return np.asarray(direction / max(float(np.linalg.norm(direction)), 1e-300))
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
-    """Return the angles (radians) between the end of a chain and the beginning of the next, seen along the sheet's
-    normal."""
+    """Return the angles (radians) between each pair of consecutive chains, seen along the sheet's normal."""
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
@@ -406,7 +366,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
         return []
     Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # vertices before inner vertices
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # each is the vertex before an inner vertex
     cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]
@@ -415,9 +375,10 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
 def _arc_between(start: Floats, end: Floats, start_direction: Floats, end_direction: Floats) -> ChainCurve | None:
     """Return the arc between two points (6,) with directions (6,); None if the arc would turn too far.
     The arc is the cubic nearest to a circle; its inner poles are chord / (3 cos^2(turn/4)) away from its ends."""
+    widest = 80.0  # the direction at an end is at most 80 degrees off the chord
     chord, directions = _mean_direction(end - start), (_mean_direction(start_direction), _mean_direction(end_direction))
     long = float(np.linalg.norm(chord))
-    if min(float(direction @ chord) for direction in directions) < WIDEST_COSINE * long:
+    if min(float(direction @ chord) for direction in directions) < np.cos(np.deg2rad(widest)) * long:
         return None
     turn = float(np.arccos(np.clip(directions[0] @ directions[1], -1, 1)))
     handle = long / (3 * np.cos(turn / 4) ** 2)
@@ -431,7 +392,3 @@ def _mean_direction(direction: Floats) -> Floats:
 
 def _scaled_direction(direction: Floats) -> Floats:
     return np.asarray(direction / np.linalg.norm(_mean_direction(direction)))
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / max(float(np.linalg.norm(vector)), 1e-300))

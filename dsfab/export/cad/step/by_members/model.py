@@ -1,5 +1,4 @@
-"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and corners of
-outlines."""
+"""Boundary model of a solid by members: vertices, edges, walls and faces without duplicates, and its corners."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -15,7 +14,7 @@ from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
 MOST_CELLS = 2
-"""Largest number of patches in a compact region. A region that needs more, such as a round crossing, is trimmed."""
+"""Largest number of patches in a compact region; with more, such as in a round crossing, the region is trimmed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +51,7 @@ class NetModel:
 
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True if the model has a seam; the outer skin on one side of a seam is the inner skin on the other side.
+    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin.
     """
 
     vertices: list[Floats] = field(default_factory=list)
@@ -69,8 +68,7 @@ class NetModel:
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[ChainLoop]) -> bytes:
-        """Return the poles along loops of edges as bytes, which are equal for equal curves with different edge
-        numbers."""
+        """Return the poles along loops of edges as bytes: equal for equal curves, whatever the numbers of the edges."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
@@ -105,11 +103,8 @@ def net_model(
     covering : builds patches; a region whose patches are bad is trimmed.
     patched  : quads that are divided into any number of patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
-    compact = frozenset(
-        quad.region
-        for quad in quad_list
-        if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
-    )
+    whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
+    compact = frozenset(quad.region for quad in whole_quads if _compact(quad, chains))
     rest = [quad for quad in quad_list if quad.region not in compact]
     model = NetModel(compact=compact, seam=len(lines.twins) > 0)
     return _ModelAssembly(stations, rest, [*other_regions, *sorted(compact)], covering, model).model
@@ -117,12 +112,7 @@ def net_model(
 
 class _ModelAssembly:
     def __init__(
-        self,
-        stations: SideStations,
-        quads: list[Quad],
-        other_regions: list[int],
-        covering: PatchBuilder,
-        model: NetModel,
+        self, stations: SideStations, quads: list[Quad], rest: list[int], covering: PatchBuilder, model: NetModel
     ) -> None:
         self.lines = lines = stations.lines
         self.model = model
@@ -130,9 +120,7 @@ class _ModelAssembly:
         self.node = dict[int, int]()
         self.place = list[dict[float, int]]()
         self.edges = list[list[int]]()
-        stops = [
-            sorted(line_stops | stations.stops[lines.twins.get(i, i)]) for i, line_stops in enumerate(stations.stops)
-        ]
+        stops = [sorted(x | stations.stops[lines.twins.get(i, i)]) for i, x in enumerate(stations.stops)]
         poles = lines.parts([(i, a, b) for i, line_stops in enumerate(stops) for a, b in pairwise(line_stops)])
         line_poles = np.split(poles, np.cumsum([len(line_stops) - 1 for line_stops in stops])[:-1])
         for i, (line_stops, P) in enumerate(zip(stops, line_poles, strict=True)):
@@ -141,13 +129,12 @@ class _ModelAssembly:
         patches = covering([quad.region for quad in quads], self._sides(grids))
         for quad, grid, patch_poles in zip(quads, grids, patches, strict=True):
             if patch_poles is None:
-                other_regions.append(quad.region)
+                rest.append(quad.region)
             else:
                 self._add(patch_poles, grid)
-        for region in other_regions:
-            self.model.trimmed[region] = [
-                [e for step in loop for e in self._steps(lines.line_part(step))] for loop in lines.net.loops[region]
-            ]
+        for region in rest:
+            loops = lines.net.loops[region]
+            self.model.trimmed[region] = [[e for x in loop for e in self._steps(lines.line_part(x))] for loop in loops]
 
     def _vertex(self, point: Floats) -> int:
         self.model.vertices.append(point)
@@ -196,22 +183,15 @@ class _ModelAssembly:
         return result
 
     def _add(self, P: Floats, grid: SideGrid) -> None:
-        bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
-        along, up = self._inner(P, bottom_side, right_side, top_side, left_side)
+        along, up = self._inner(P, grid)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
                 loop = [*along[i][j], *up[i + 1][j], *backwards(along[i][j + 1]), *backwards(up[i][j])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
-    def _inner(
-        self,
-        P: Floats,
-        bottom_side: list[ChainLoop],
-        right_side: list[ChainLoop],
-        top_side: list[ChainLoop],
-        left_side: list[ChainLoop],
-    ) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
+    def _inner(self, P: Floats, grid: SideGrid) -> tuple[list[list[ChainLoop]], list[list[ChainLoop]]]:
         """Return the edges of all cells: along[i][j] is below cell (i, j), and up[i][j] is on its left."""
+        bottom_side, right_side, top_side, left_side = ([self._steps(part) for part in side] for side in grid)
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
         for j, side in ((0, bottom_side), (kv, top_side)):
@@ -239,25 +219,18 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # outline over mean width is 8 for a square, 9 for two squares, 10.7 for a row of three
+    limit = 10.0  # the outline is 8 times the mean width for a square, 9 times for two squares, 10.7 times for three
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)
 
 
-SMOOTH_COSINE = np.cos(np.deg2rad(10.0))
-"""Cosine of the largest turn between two walls that needs no fillet."""
-
-STRAIGHT_COSINE = np.cos(0.01)
-"""Cosine of the largest angle at which OCCT (8.0) treats a seam as the continuation of a wall's edge."""
-
-
 @dataclass(frozen=True)
 class FilledCorner:
-    """Corner with less than half a turn of void, where one seam ends.
-    seam, end : edge of the seam, and the end at the corner: 0 for the first, 1 for the last.
+    """Corner that a fillet fills with material, and where one seam ends.
+    seam, end : edge of the seam, and its end at the corner: 0 for the first, 1 for the last.
     half      : tangent of half the turn.    beside : edges of the walls before and after the corner.
-    straight  : the edge that the seam continues, or None."""
+    straight  : edge of a wall that the seam continues, or None."""
 
     vertex: int
     seam: int
@@ -273,8 +246,8 @@ def corner_tangents(model: NetModel) -> dict[int, float]:
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Return the corners that a fillet fills and where exactly one seam ends; empty for a model on a one-sided
-    surface."""
+    """Return the corners that a fillet fills and where exactly one seam ends; none for a one-sided surface."""
+    straight_cosine = np.cos(0.01)  # within 0.01 radians OCCT (8.0) treats a seam as the continuation of a wall's edge
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -290,9 +263,8 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
         across = model.vertices[v][:3] - model.vertices[v][3:]
         if not further and np.cross(way_a, way_b) @ across < 0:
             seam = _end_direction(model, (e, not end), True)
-            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > STRAIGHT_COSINE]
-            wall_edges = before[0], after[0]
-            result.append(FilledCorner(v, e, end, half, wall_edges, straight[0] if straight else None))
+            straight = [step[0] for step, w in ((before, way_a), (after, -way_b)) if seam @ w > straight_cosine]
+            result.append(FilledCorner(v, e, end, half, (before[0], after[0]), next(iter(straight), None)))
     return result
 
 
@@ -308,9 +280,9 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """Return the tangent of half the turn at a corner, which is a fillet's length over its radius; 0 for a smooth
-    corner."""
-    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH_COSINE else 0.0
+    """Return the tangent of half the turn at a corner, a fillet's length over its radius; 0 for a smooth corner."""
+    smooth = np.cos(np.deg2rad(10.0))  # two walls that turn by at most 10 degrees need no fillet
+    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < smooth else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:

@@ -1,7 +1,8 @@
-"""Sides of four-sided regions: their corners, the chains that become one line, and divisions of opposite sides."""
+"""Sides of four-sided regions: corners, chains that become one line, and divisions of opposite sides."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -23,11 +24,11 @@ from dsfab.export.cad.step.by_members.lines import (
     with_twins,
 )
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, mean_width
-from dsfab.export.cad.step.smooth.edges import LOOP_SHARE, OUTLINE_SHARE
-from dsfab.export.splines import bernstein
+from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
+from dsfab.export.splines import bernstein, polyline_length
 
 REACH_SHARE = 3 / 4
-"""Largest distance along a chain where its direction is measured, as a share of the thickness."""
+"""Distance along a chain within which its direction is measured, as a share of the thickness."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,20 +39,8 @@ class Quad:
     sides: tuple[ChainLoop, ChainLoop, ChainLoop, ChainLoop]
 
 
-def quads_of(net: ChainNet, chains: Mapping[int, SampledChain], reach: float) -> tuple[list[Quad], list[int]]:
-    """Separate regions with four sides from the other regions. reach : distance (mm) within which directions are
-    measured."""
-    quads, other_regions = list[Quad](), list[int]()
-    for region, loops in net.loops.items():
-        quad = _quad(region, loops, chains, reach)
-        if quad:
-            quads.append(quad)
-        else:
-            other_regions.append(region)
-    return quads, other_regions
-
-
-def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
+def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
+    """Return a region with its four sides; None for other regions. reach : mm, within which directions are measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -64,7 +53,7 @@ def _quad(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # largest turn (degrees) at the other nodes if more than four could be corners
+    blunt_limit = 60.0  # with more than four possible corners, no other node may turn more (degrees)
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -74,11 +63,8 @@ def _corners(angle: Floats) -> Ints | None:
         if (np.abs(deviation[rest]) > blunt_limit).any():
             return None
     if len(corners) < 4:
-        candidates = [
-            i
-            for i in np.argsort(-deviation, kind="stable").tolist()
-            if i not in corners and deviation[i] > straight_limit / 3
-        ]
+        ranked = np.argsort(-deviation, kind="stable").tolist()
+        candidates = [i for i in ranked if i not in corners and deviation[i] > straight_limit / 3]
         corners = np.sort(np.concatenate([corners, candidates[: 4 - len(corners)]]).astype(np.int64))
     return corners if len(corners) == 4 and (deviation[corners] > 0).all() else None
 
@@ -93,8 +79,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) ends of parts as shares of the side's
-    length."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends as shares of the length."""
 
     parts: list[LinePart]
     at: Floats
@@ -109,7 +94,7 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations are points that divide opposite sides of regions alike. stops : divisions of each line."""
+    """Stations: points that divide opposite sides of regions alike. stops : divisions of each line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
@@ -156,16 +141,12 @@ class SideStations:
     def _divide_sides(self, first_side: QuadSide, second_side: QuadSide) -> tuple[list[LinePart], list[LinePart]]:
         first_breaks, second_breaks = self._breaks(first_side), self._breaks(second_side)
         pairs = paired_shares(np.array(list(first_breaks)), np.array(list(second_breaks)))
-        return self._parts_between(first_side, first_breaks, pairs[0]), self._parts_between(
-            second_side, second_breaks, pairs[1]
-        )
+        first_parts = self._parts_between(first_side, first_breaks, pairs[0])
+        return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
-    def _parts_between(
-        self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], shares: Floats
-    ) -> list[LinePart]:
-        """Return the parts of a side between stations. A station without a break is new, or moves to an existing
-        division."""
-        ends, parts = np.concatenate([[0.0], shares, [1.0]]), list[LinePart]()
+    def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
+        """Divide a side at shares (k,) of its length; a share that is no break becomes a station of a line."""
+        ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
             q, y = breaks.get(share) or self._add_station(side, share, float(before), float(after))
@@ -175,7 +156,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a new station moves to a division nearer than this share of the distance between stations
+        snap_share = 0.15  # a new station moves to a division within this share of the gap between stations
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -190,9 +171,9 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the positions at which two opposite sides need stations; return the pairs of ascending shares (k,).
+    """Pair the positions at which two opposite sides need stations; return the pairs as ascending shares (k,).
     Near shares form a pair. If both sides have equally many shares and none differ by much, all form pairs. A share
-    without a partner gets a partner by interpolation between its neighbours."""
+    without a partner gets one by interpolation between its neighbours."""
     tolerance = 0.1  # paired stations differ by at most this share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
         return first_shares, second_shares
@@ -213,12 +194,9 @@ def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, 
 
 
 CHORD_SHARE = 1 / 8
-"""Share of the mesh's chord error in the tolerance, a quarter of the share for walls of smooth solids. Skins of a
-coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
-
-TEST_PLACES = np.linspace(0, 1, 9)[1:-1]
-"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
-divided."""
+"""Share of the mesh's chord error in the tolerance of lines, a quarter of the share for walls of smooth solids.
+Skins of a coarse mesh wave, and curves move onto the skins later. With 1/2 a torus was 3.8 mm off where 3.4 are
+allowed."""
 
 
 class LineFits:
@@ -238,8 +216,8 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit the lines of a net. A line has at most as many spans as the separate fits of its chains."""
-        turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
+        """Fit the lines of a net. A line has at most as many spans as separate fits of its chains."""
+        turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
         todo, accepted = _rows(net.chains, _links(net, quads, turns, rounded)), list[ChainLine]()
@@ -252,12 +230,13 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(accepted)))
-        # arcs come last, because they bulge away from the material between an opening's sides
+        # arcs come last, because an arc bulges away from the material between the sides of an opening
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[ChainLoop]) -> list[ChainLine]:
         points = {tuple(row): [net.chains[k].points for k, _ in row] for row in rows}
-        missing = [row for row, now in points.items() if not _same_points(self.known.get(row), now)]
+        cached = {row: self.known[row][0] for row in points if row in self.known}
+        missing = [x for x, now in points.items() if list(map(id, cached.get(x, []))) != list(map(id, now))]
         samples = [_samples(row, chains) for row in missing]
         curves = curves_through([Q for Q, _ in samples], [self._tolerance(row) for row in missing])
         for row, (_, chain_ends), curve in zip(missing, samples, curves, strict=True):
@@ -268,14 +247,14 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return for each line True if it is one chain, or is near its chains with fewer spans than separate fits."""
+        """Return True for each line of one chain, or near its chains and with fewer spans than separate fits."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
         return [len(x.steps) == 1 or fewer.get(id(x), len(x.curve.spans) == 1 and self._is_near(net, x)) for x in lines]
 
     def _is_near(self, net: ChainNet, line: ChainLine) -> bool:
-        least_distance = 0.1  # chain ends are at least this share of a span from breaks
+        least_distance = 0.1  # ends of chains are at least this share of a span away from breaks
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
@@ -293,26 +272,23 @@ class LineFits:
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
         """Halve the cubics that would leave the skins between the places where cubics are moved onto the skins.
-        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed, with the skin 0.8 mm off that
-        point."""
+        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
         poles = np.concatenate([curve.spans for curve in curves])
-        vectors = self.away((bernstein(TEST_PLACES) @ poles).reshape(-1, 6)).reshape(len(poles), -1, 3)
-        long = np.linalg.norm(poles[:, 3, :3] - poles[:, 0, :3], axis=1) > np.linalg.norm(
-            poles[:, 0, :3] - poles[:, 0, 3:], axis=1
-        )
-        is_far = long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
+        samples = bernstein(np.linspace(0, 1, 9)[1:-1]) @ poles
+        vectors = self.away(samples.reshape(-1, 6)).reshape(len(poles), -1, 3)
+        chord, thick = (poles[:, 0, :3] - end for end in (poles[:, 3, :3], poles[:, 0, 3:]))
+        is_long = np.linalg.norm(chord, axis=1) > np.linalg.norm(thick, axis=1)
+        is_far = is_long & (np.linalg.norm(vectors, axis=2).max(axis=1) > OUTLINE_SHARE * self.distance)
         marks = np.split(is_far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
-        return [
-            line.with_halved_spans(flags) if flags.any() else line for line, flags in zip(lines, marks, strict=True)
-        ]
+        return [x.with_halved_spans(flags) if flags.any() else x for x, flags in zip(lines, marks, strict=True)]
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return the tolerance of each chain, mm: a share of the allowed distance and of the chord error, less at narrow
-    openings."""
+    """Return each chain's tolerance (mm): shares of the allowed distance and the chord error, or of a narrow
+    opening."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -327,29 +303,24 @@ def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: flo
     return tolerances
 
 
-def _same_points(cached: tuple[list[Ints], ChainLine] | None, points: list[Ints]) -> bool:
-    return cached is not None and all(a is b for a, b in zip(cached[0], points, strict=True))
-
-
 def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:
     parts = [chains[k].Q[:: 1 if ahead else -1] for k, ahead in row]
-    long = [np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts]
-    ends = np.concatenate([[0.0], np.cumsum(long)])
+    ends = np.concatenate([[0.0], np.cumsum([polyline_length(part) for part in parts])])
     return np.concatenate([*(part[:-1] for part in parts[:-1]), parts[-1]]), ends / ends[-1]
 
 
-class _Turns:
-    def __init__(self, chains: Mapping[int, SampledChain], reach: float) -> None:
-        self.chains, self.reach = chains, reach
-
-    def __call__(self, first_end: ChainEnd, second_end: ChainEnd) -> float:
-        directions = [self.chains[k].direction(end == 0, self.reach)[0] for k, end in (first_end, second_end)]
-        a, b = (direction / np.linalg.norm(direction) for direction in directions)
-        return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
+Turn = Callable[[ChainEnd, ChainEnd], float]
+"""Function that returns the turn (degrees) of a line from one end of a chain to the end of the next chain."""
 
 
-def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of chains that form one line: inside a side of a region, and along outlines that only continue.
+def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd, second_end: ChainEnd) -> float:
+    directions = [chains[k].direction(end == 0, reach)[0] for k, end in (first_end, second_end)]
+    a, b = (direction / np.linalg.norm(direction) for direction in directions)
+    return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
+
+
+def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
+    """Pair the ends of chains that form one line: inside a side of a region, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
     smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()
@@ -390,7 +361,7 @@ def _rows(chains: Iterable[int], links: Mapping[ChainEnd, ChainEnd]) -> list[Cha
     return rows
 
 
-def _halves(row: ChainLoop, turn: _Turns) -> list[ChainLoop]:
+def _halves(row: ChainLoop, turn: Turn) -> list[ChainLoop]:
     turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
     i = int(np.argmax(turns)) + 1
     return [row[:i], row[i:]]

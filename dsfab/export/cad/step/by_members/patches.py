@@ -1,5 +1,4 @@
-"""Bezier patches of four-sided regions (Coons surfaces), surfaces as heights over a plane, and distances from the
-mesh."""
+"""Bezier patches of four-sided regions (Coons patches), surfaces as heights over a plane, and limits of faces."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -8,20 +7,20 @@ from functools import cache, partial
 import numpy as np
 from scipy.special import comb
 
-from dsfab.core.arrays import Bools, Floats, cross
+from dsfab.core.arrays import Bools, Floats, Ints, cross
 from dsfab.export.cad.step.by_members.curves import InnerSpline, patches_as_parabolas
 from dsfab.export.splines import bernstein
 
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """Return the parameters (k, 2) of points (k, 3) on a surface with poles (p + 1, p + 1, 3).
-    The poles lie evenly over a parallelogram in the plane of the first two axes."""
+    Seen along the third axis, the poles lie evenly in a parallelogram."""
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """(k, (degree + 1)^2) Bernstein products at parameters (k, 2) in the unit square."""
+    """(k, (degree + 1)^2) products of Bernstein polynomials at parameters (k, 2) in the unit square."""
     products = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(products.reshape(len(uv), -1))
 
@@ -74,8 +73,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of inner points, also if the gap is wider but small enough to split edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3) that returns by how much they exceed the allowed distance from the mesh
-                  (k,), or None.
+    beyond_mesh : function of points (k, 3) that returns their excess (k,) over the allowed distance, or None.
     """
 
     gap: float
@@ -89,7 +87,7 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return how far surfaces inside outlines (., 3) exceed the allowed distance from the mesh at most, or -inf."""
+    """Return the largest excess of surfaces inside outlines (., 3) over the allowed distance; -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -110,14 +108,11 @@ def points_inside(points: Floats, lines: Sequence[Floats]) -> Bools:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few segments need the exact test
+        # only segments at the height of a point need the exact test
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))
         is_left = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         is_inside ^= np.bincount(i[is_left], minlength=len(points)) % 2 == 1
     return is_inside
-
-
-FOLD_PLACES = np.linspace(0, 1, 5)
-"""Parameters in both directions at which a patch is tested for folds."""
 
 
 def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_poles: Floats) -> Floats:
@@ -136,16 +131,10 @@ def coons(bottom_poles: Floats, right_poles: Floats, top_poles: Floats, left_pol
 
 
 def patches_on_skins(grids: Sequence[Floats], vectors_to_skins: Callable[[Floats], Floats]) -> list[Floats]:
-    """Move the inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and neighbours still join
-    smoothly.
+    """Move inner poles of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and joints stay smooth.
     vectors_to_skins : returns the vectors from points (k, d) to the skins."""
-    splines = [
-        (
-            InnerSpline.from_breaks(_break_shares(P[:, 0, :, 0], P[:, -1, :, -1])),
-            InnerSpline.from_breaks(_break_shares(P[0, :, 0], P[-1, :, -1])),
-        )
-        for P in grids
-    ]
+    sides = [((P[:, 0, :, 0], P[:, -1, :, -1]), (P[0, :, 0], P[-1, :, -1])) for P in grids]
+    splines = [[InnerSpline.from_breaks(_break_shares(*pair)) for pair in pairs] for pairs in sides]
     place_points = list[Floats]()
     for P, (u, v) in zip(grids, splines, strict=True):
         along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
@@ -173,12 +162,9 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return for patches (..., 4, 4, 3) the least ratio of normal components along the mean normal to the largest
-    one."""
-    P = P.reshape(-1, 4, 4, 3)
-    y = 1 - FOLD_PLACES
-    B = np.stack([y**3, 3 * FOLD_PLACES * y**2, 3 * FOLD_PLACES**2 * y, FOLD_PLACES**3], axis=1)
-    C = np.stack([y**2, 2 * FOLD_PLACES * y, FOLD_PLACES**2], axis=1)
+    """Return for patches (..., 4, 4, 3) the smallest over the largest normal component along the mean normal."""
+    P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
+    B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
     dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
     N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
@@ -186,13 +172,9 @@ def least_jacobian(P: Floats) -> float:
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
 
 
-TEST_PLACES = np.linspace(0, 1, 7)
-"""Parameters in both directions where the distance of a patch from the mesh is measured."""
-
-
 class PatchBuilder:
     """Builder of patches, with a cache by region and curves, because each change of a net affects few regions.
-    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits the distance of their middles.
+    away : function of points (k, 6); returns the vectors to both skins.    limits : of patches, at their middles too.
     """
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -203,9 +185,7 @@ class PatchBuilder:
         """Return the poles (ku, kv, 4, 4, 6) of each region, or None if its patches are folded or too far off.
         sides : bottom, right, top and left side of each region, see `coons`."""
         poles = [[side.tobytes() for side in four] for four in sides]
-        changed = [
-            i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now
-        ]
+        changed = [i for i, region in enumerate(regions) if self.known.get(region, ((),))[0] != poles[i]]
         for i, P in zip(changed, self._build([sides[i] for i in changed]), strict=True):
             self.known[regions[i]] = poles[i], P
         return [self.known[region][1] for region in regions]
@@ -213,42 +193,33 @@ class PatchBuilder:
     def _build(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
         if not sides:
             return []
-        patches = [
-            patches_as_parabolas(P, self.limits.off)
-            for P in patches_on_skins([coons(*four) for four in sides], self.away)
-        ]
+        cubic = patches_on_skins([coons(*four) for four in sides], self.away)
+        patches = [patches_as_parabolas(P, self.limits.off) for P in cubic]
         too_far = (_stray_distances(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
-        return [None if is_far or _is_folded(P) else P for P, is_far in zip(patches, too_far, strict=True)]
-
-
-def _is_folded(P: Floats) -> bool:
-    least_ratio = 0.1  # a region is trimmed if a patch has a smaller relative Jacobian
-    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least_ratio
+        least_ratio = 0.1  # a patch with a smaller relative Jacobian counts as folded
+        jacobians = (least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) for P in patches)
+        rows = zip(patches, too_far, jacobians, strict=True)
+        return [None if is_far or jacobian < least_ratio else P for P, is_far, jacobian in rows]
 
 
 def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
     """Return the (k,) largest distance of the middles of patches from the skins; skins of coarse meshes wave."""
-    if not patches:
-        return np.zeros(0)
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.array(
-        [
-            region_distances.max()
-            for region_distances in np.split(
-                distances, np.cumsum([len(region_distances) for region_distances in middles])[:-1]
-            )
-        ]
-    )
+    return np.maximum.reduceat(distances, _starts(middles))
+
+
+def _starts(parts: Sequence[Floats]) -> Ints:
+    return np.cumsum([0, *map(len, parts)])[:-1]
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
+    """(k,) excess of patches over the allowed distance from the mesh; -inf without a limit.
     A patch beside a crease met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
-    poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
-    points = np.einsum("xa,yb,kabi->kxyi", bernstein(TEST_PLACES), bernstein(TEST_PLACES), np.concatenate(poles))
+    poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))
+    points = np.einsum("xa,yb,kabi->kxyi", B, B, np.concatenate(poles))
     beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.array([region_excess.max() for region_excess in np.split(beyond, ends[:-1])])
+    return np.maximum.reduceat(beyond, _starts(poles))

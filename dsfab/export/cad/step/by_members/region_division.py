@@ -1,4 +1,4 @@
-"""Division of regions into members: the ends of long members are cut off, and regions with strong bends get a seam."""
+"""Division of regions: the ends of long members are cut off, and regions with strong bends get a seam."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
@@ -9,13 +9,14 @@ from scipy.sparse import csr_array, vstack
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.core.arrays import Bools, Floats, Ints, cross, unit_vectors
 from dsfab.export.cad.step.by_members.curves import sampled_chains
-from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quads_of
+from dsfab.export.cad.step.by_members.patch_sides import REACH_SHARE, quad_of
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainLoop, ChainNet, mean_width, vector_area
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.part import StripedSheet
+from dsfab.export.splines import polyline_length
 from dsfab.surface import edge_table, half_edges, link_components
 
 
@@ -61,12 +62,13 @@ def with_cut_ends(net: ChainNet, regions: Iterable[int], lifting: Lifting, width
 
 
 def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, int] | None:
-    """Return the positions of two long walls in a region's only loop, or None. The walls must not be adjacent."""
-    long = 1.5  # both walls of a member are at least 1.5 times as long as their distance
+    """Return the positions of two long walls, not adjacent, in a region's only loop; None without such walls."""
+    long = 1.5  # both walls of a member are at least 1.5 times as long as the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
-    length = np.array([_length(P, net, step) if _wall(net, step) else 0.0 for step in loop])
+    chains = [net.chains[k] for k, _ in loop]
+    length = np.array([polyline_length(P[chain.points]) if chain.right == VOID else 0.0 for chain in chains])
     i, j = np.sort(np.argsort(-length, kind="stable")[:2]).tolist()
     if j - i < 2 or i + len(loop) - j < 2:
         return None
@@ -76,33 +78,24 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or a piece on the wrong
-    side."""
+    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or lies outside."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
 
 def _points(net: ChainNet, loop: ChainLoop) -> Ints:
-    return np.concatenate([net.chains[k].points[:: 1 if ahead else -1] for k, ahead in loop])
-
-
-def _wall(net: ChainNet, step: tuple[int, bool]) -> bool:
-    return net.chains[step[0]].right == VOID
-
-
-def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
-    return float(np.linalg.norm(np.diff(P[net.chains[step[0]].points], axis=0), axis=1).sum())
+    return np.concatenate([net.chains[k].directed_points(ahead) for k, ahead in loop])
 
 
 LEAST_COSINE = 0.75
-"""Smallest cosine between the mean normal of a region and its normals. Trimmed faces need only 0.35, but with 0.35 a
-few faces were 2 mm off their edges."""
+"""Smallest cosine between the normals of a region and their mean. Trimmed faces need only 0.35, but with 0.35 a few
+faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide each region that bends too much, if it has one outline and nodes. The first points of the net are the
-    sheet's."""
-    most_seams = 200  # one sheet gets at most 200 seams
+    """Divide each region that bends too much, if it has one outline with nodes. The sheet's points come first in the
+    net."""
+    most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
     todo = {r: x for r, x in bends.items() if x < LEAST_COSINE and not _is_member(work, r, lifting, limits)}
@@ -121,40 +114,36 @@ def _is_member(work: "_BendSeams", region: int, lifting: Lifting, limits: Smooth
         return False
     chains = {k: work.net.chains[k] for k, _ in work.net.loops[region][0]}
     alone = replace(work.net, chains=chains, loops={region: work.net.loops[region]})
-    return bool(quads_of(alone, sampled_chains(alone, lifting, limits), REACH_SHARE * limits.thickness)[0])
+    reach = REACH_SHARE * limits.thickness
+    return quad_of(region, alone.loops[region], sampled_chains(alone, lifting, limits), reach) is not None
 
 
 class _BendSeams:
-    """Net with regions that are divided one after another by seams."""
-
     def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, wall_distance: float) -> None:
         self.near = wall_distance
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
         N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's normal is inexact
-        long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
-        self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
+        self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
         cells = np.flatnonzero(self.net.cell == region)
         if not len(cells):
             return 1.0
         outline = np.concatenate([self.net.chains[k].points for loop in self.net.loops[region] for k, _ in loop])
-        N = np.concatenate([self.N[cells], self.net.weights[outline] @ self.skins.normals])
-        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        N = unit_vectors(np.concatenate([self.N[cells], self.net.weights[outline] @ self.skins.normals]))
         mean = N.sum(axis=0)
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def is_stout(self, region: int) -> bool:
-        stout_limit = 32.0  # squared outline over area is 16 for a square, 29 for a row of five squares
+        stout_limit = 32.0  # the squared outline over the area is 16 for a square, 29 for a row of five squares
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
         return bool(outline**2 < stout_limit * area)
 
     def _normal_spread(self, cells: Ints) -> float:
-        """Return the spread of the normals of cells: the sum of the cells' areas minus the length of their area
-        vector."""
+        """Return the sum of the areas of cells minus the length of their area vector; 0 for a flat region."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
@@ -166,8 +155,8 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # at most this share of the bend may remain after a seam, including the seam's cost
-        seam_cost = 0.1  # a seam as long as the root of the area costs 0.1, and the whole bend of the region costs 1
+        most_left = 0.8  # the cost of the rest of the bend and of the seam must be below 0.8; the whole bend costs 1
+        seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole_spread, size = self._normal_spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
@@ -186,28 +175,22 @@ class _BendSeams:
         for k in longest:
             chain, added_chain = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
-            first_half, second_half = (
-                replace(chain, points=points) for points in (chain.points[: half + 1], chain.points[half:])
-            )
+            first_half, second_half = replace(chain, points=chain.points[: half + 1]), chain.points[half:]
             two = {(k, True): [(k, True), (added_chain, True)], (k, False): [(added_chain, False), (k, False)]}
             neighbours = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
             loops = {
                 r: [[part for step in loop for part in two.get(step, [step])] for loop in loops]
                 for r, loops in neighbours.items()
             }
-            self.net = replace(
-                self.net,
-                chains={**self.net.chains, k: first_half, added_chain: second_half},
-                loops={**self.net.loops, **loops},
-            )
+            chains = self.net.chains | {k: first_half, added_chain: replace(chain, points=second_half)}
+            self.net = replace(self.net, chains=chains, loops=self.net.loops | loops)
         return len(longest) > 0
 
     def _length(self, points: Ints) -> float:
-        P = self.net.weights[points] @ self.skins.points
-        return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
+        return polyline_length(self.net.weights[points] @ self.skins.points)
 
     def _with_seam(self, region: int, path: Ints, right: Ints) -> int:
-        """Divide a region along a path; return the number of the new region with the cells on the right of the path."""
+        """Divide a region along a path; return the number of the new region, on the right of the path."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
         loop, added_region, first_chain = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
@@ -234,15 +217,10 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    wall_factor = 1 + wall_distance / np.maximum(
-        away[ends].mean(axis=1), wall_distance / 4
-    )  # paths keep away from walls; straightening would cross them
-    long = wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
-    start, end, long = (
-        np.concatenate([ends[:, 0], ends[:, 1]]),
-        np.concatenate([ends[:, 1], ends[:, 0]]),
-        np.tile(long, 2),
-    )
+    # paths keep away from walls, because straightening would cross the walls
+    wall_factor = 1 + wall_distance / np.maximum(away[ends].mean(axis=1), wall_distance / 4)
+    long = np.tile(wall_factor * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1), 2)
+    start, end = np.concatenate([ends, ends[:, ::-1]]).T
     for i, node in enumerate(nodes):
         if node not in place:
             continue
@@ -258,7 +236,7 @@ def _paths(F: Ints, P: Floats, nodes: list[int], wall_distance: float) -> Iterat
 
 
 def _on_the_right(F: Ints, path: Ints) -> Bools:
-    """Return (m,) True for cells that are connected to the right side of a path along their edges."""
+    """Return (m,) True for cells that are connected to the right side of a path."""
     _, local = np.unique(np.append(F.ravel(), path), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)
@@ -268,9 +246,6 @@ def _on_the_right(F: Ints, path: Ints) -> Bools:
     _, part = link_components(len(F), half_edges_a[~across] // 3, half_edges_b[~across] // 3)
     start, end = half_edges(cells)
     backwards = {(int(b), int(a)) for a, b in pairwise(line)}
-    right_cells = [
-        h // 3
-        for h in np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
-        if (int(start[h]), int(end[h])) in backwards
-    ]
+    adjacent = np.concatenate([half_edges_a[across], half_edges_b[across]]).tolist()
+    right_cells = [h // 3 for h in adjacent if (int(start[h]), int(end[h])) in backwards]
     return np.isin(part, part[right_cells])

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, polygon_perimeter, unit_vectors
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
@@ -17,14 +17,10 @@ CORNER_COSINE = np.cos(np.deg2rad(40.0))
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
-round corners. Where a coarse mesh bends, the outline turns in space with the mesh but is straight in this view."""
-
-SLIVER_SHARE = 1 / 4
-"""A region joins a neighbour if the root of its area is below this share of the thickness. The neighbour is the region
-with the longest shared border."""
+round corners. Where a coarse mesh bends, an outline turns in space with the mesh but is straight in this view."""
 
 VOID = -1
-"""Number of the space beyond an outline, in place of a region."""
+"""Number in place of a region, for the space beyond an outline."""
 
 ChainLoop = list[tuple[int, bool]]
 """Chains in order; True means that the loop runs along the chain, False against it."""
@@ -40,8 +36,16 @@ class Chain:
     left: int
     right: int
 
+    def directed_points(self, ahead: bool) -> Ints:
+        """(k,) points along (`ahead`) or against the chain."""
+        return self.points if ahead else self.points[::-1]
+
+    def region_beyond(self, ahead: bool) -> int:
+        """Return the region on the right of a walk along (`ahead`) or against the chain."""
+        return self.right if ahead else self.left
+
     def with_region(self, region: int, ahead: bool) -> "Chain":
-        """Return the chain with another region on its left as seen along (`ahead`) or against its direction."""
+        """Return the chain with another region on the left of a walk along (`ahead`) or against the chain."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
@@ -70,13 +74,13 @@ class ChainNet:
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""
-        points, ahead = self.chains[step[0]].points, step[1]
-        return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
+        points = self.chains[step[0]].directed_points(step[1])
+        return int(points[0]), int(points[-1])
 
 
 CreaseTest = Callable[[csr_array, Ints, Ints], Bools]
-"""Function that tells for points with weights whether lines between them lie on a crease.
-See `CreaseSides.lines_on_creases`."""
+"""Function that tells for points with weights whether lines between them lie on a crease, see
+`CreaseSides.lines_on_creases`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: CreaseTest | None = None) -> ChainNet:
@@ -100,8 +104,7 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the chain of the outline that ends at a node and the chain that begins there; None unless both are
-    unique."""
+    """Return the outline's chain that ends at a node and its chain that begins there; None unless both are unique."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
@@ -119,8 +122,9 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """Return the connected region (m,) of each cell, with one label for each region, and the loose regions.
+    """Return the connected region (m,) of each cell, and the loose regions.
     apart : (i,) True for pairs of neighbours with a crease between them."""
+    sliver = 1 / 4  # a region joins a neighbour if the root of its area is below this share of the thickness
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
@@ -128,7 +132,7 @@ def _regions(
     area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
     loose = np.zeros(count, dtype=bool)
     loose[region[sheet.loose]] = True
-    small = np.flatnonzero((area < (SLIVER_SHARE * thickness) ** 2) & ~loose)
+    small = np.flatnonzero((area < (sliver * thickness) ** 2) & ~loose)
     ends = edges.ends[edges.of.ravel()[edges.pairs[:, 0]]]
     long = np.linalg.norm(P[ends[:, 0]] - P[ends[:, 1]], axis=1)
     for r in small[np.argsort(area[small], kind="stable")]:
@@ -150,28 +154,25 @@ class _BorderWalk:
         self.border = self.left != self.right
         self.along = np.flatnonzero(self.border)
         self.after = np.full(len(self.border), -1)
-        self.after[self.along] = self._successors()
-        self.seam = sheet.seam
-        self.node = self._nodes(sheet.loose)
-
-    def _successors(self) -> Ints:
         step = next_half_edge(self.along)
         while (inside := ~self.border[step]).any():
             step[inside] = next_half_edge(self.twin[step[inside]])
-        return step
+        self.after[self.along] = step
+        self.seam = sheet.seam
+        self.node = self._nodes(sheet.loose)
 
     def _nodes(self, loose: Bools) -> Bools:
         n, h = len(self.P), self.along
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # both directions of a chain count alike
+        pair = pair + self.right[once]  # both directions of a chain give the same number
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
-        node = (np.bincount(ends, minlength=n) > 2) | (high > low) | self._seam_ends(n)
-        direction = self.P[self.end] - self.P[self.start]
-        direction = direction / np.maximum(np.linalg.norm(direction, axis=1, keepdims=True), 1e-300)
+        is_seam_end = np.bincount(self._seam_points.ravel(), minlength=n) == 1
+        node = (np.bincount(ends, minlength=n) > 2) | (high > low) | is_seam_end
+        direction = unit_vectors(self.P[self.end] - self.P[self.start])
         turn = np.einsum("ki,ki->k", direction[h], direction[self.after[h]])
         void = self.right[h] == VOID
         sharp = (turn < CORNER_COSINE) & void & ~loose[h // 3]
@@ -187,9 +188,6 @@ class _BorderWalk:
         """Return (2, k) vertices at one place, on both sides of a seam."""
         side_a, side_b = self.seam.T
         return np.stack([np.append(self.start[side], self.end[side]) for side in (side_a, side_b)])
-
-    def _seam_ends(self, n: int) -> Bools:
-        return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """Return the (k,) border half-edges where a round corner of the outline begins or ends.
@@ -224,14 +222,8 @@ class _BorderWalk:
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
         seam_a, seam_b = self._seam_points.tolist()
-        return ChainNet(
-            self.weights,
-            chains,
-            loops,
-            loose,
-            self.region,
-            twins=dict(zip(seam_a + seam_b, seam_b + seam_a, strict=True)),
-        )
+        twins = dict(zip(seam_a + seam_b, seam_b + seam_a, strict=True))
+        return ChainNet(self.weights, chains, loops, loose, self.region, twins=twins)
 
     def _cycles(self) -> Iterator[Ints]:
         seen = np.zeros(len(self.border), dtype=bool)
@@ -259,8 +251,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join the outline chains inside round corners and straight walls. P and N (p, 3) are the net's points and
-    normals."""
+    """Join the outline chains inside round corners and straight walls. P, N : (p, 3) points and normals of the net."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -298,8 +289,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or begins or ends to be round
-    there."""
+    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or a round corner's end there."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -310,15 +300,15 @@ def _is_outline_end(line: Floats, N: Floats) -> bool:
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
     """Remove regions of two chains that are narrower than `width`. P : (p, 3) points of the net.
-    Each such region joins the region beyond an inner chain. Otherwise one chain could cross or touch the other when it
-    is straightened, with no face between them."""
+    Each such region joins the region beyond an inner chain. Otherwise one chain could cross the other when it is
+    straightened, with no face between them."""
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
             continue
         steps = loops[region][0]
-        sides = [chains[k].points if ahead else chains[k].points[::-1] for k, ahead in steps]
-        beyond = [chains[k].right if ahead else chains[k].left for k, ahead in steps]
+        sides = [chains[k].directed_points(ahead) for k, ahead in steps]
+        beyond = [chains[k].region_beyond(ahead) for k, ahead in steps]
         inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
         if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
@@ -333,8 +323,7 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 def mean_width(line: Floats) -> float:
     """Return the area inside a closed line (k, 3), divided by half of the line's length."""
-    around = float(np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum())
-    return 2 * float(np.linalg.norm(vector_area(line))) / max(around, 1e-300)
+    return 2 * float(np.linalg.norm(vector_area(line))) / max(polygon_perimeter(line), 1e-300)
 
 
 def vector_area(line: Floats) -> Floats:
@@ -347,12 +336,8 @@ INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1
 """Barycentric points in each cell that hold a trimmed face near the skins; with the centre alone the face may wave."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree 9
-waved by 6 mm between four points."""
-
-REGION_SHARE = 1 / 6
-"""A cell is also long if its length exceeds this share of its region's size. In a notched region of 200 mm, a surface
-of degree 9 waved by 4 mm between points of cells of 50 mm."""
+"""Extra points in cells longer than the thickness. In triangles of 180 mm in a sheet of 100 mm, a surface of degree
+9 waved by 6 mm between four points."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -385,14 +370,13 @@ class RegionInterior:
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
         """Return (m,) True for cells with a side longer than the thickness, or long for a region of size (m,)."""
-        P = self._on_mesh(self.sheet.weights)[F]
+        # In a notched region of 200 mm, a surface of degree 9 waved by 4 mm between points of cells of 50 mm.
+        region_share = 1 / 6
+        P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
-        return np.asarray(long > np.minimum(self.thickness, REGION_SHARE * size))
+        return np.asarray(long > np.minimum(self.thickness, region_share * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
-        P = self._on_mesh(net.weights)
+        P = np.asarray(net.weights @ self.lifting.skins.points)
         outlines = ([net.chains[k].points for loop in net.loops[region] for k, _ in loop] for region in regions)
         return np.array([np.linalg.norm(np.ptp(P[np.concatenate(line)], axis=0)) for line in outlines])
-
-    def _on_mesh(self, weights: csr_array) -> Floats:
-        return np.asarray(weights @ self.lifting.skins.points)

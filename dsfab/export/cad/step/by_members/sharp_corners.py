@@ -1,4 +1,4 @@
-"""Trimmed faces and rims of openings that are moved onto their edges beside sharp corners, so that fillets succeed."""
+"""Trimmed faces and rims of openings, moved onto their edges beside sharp corners so that fillets succeed."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -10,17 +10,13 @@ from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.fillet_edges import CutEdges, curves_beyond
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetWall, corner_tangents
 from dsfab.export.cad.step.by_members.patches import differences, height_rows, places, raised_poles, rows_at
-from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
+from dsfab.export.cad.step.by_members.trimmed import HELD_PLACES, SPLIT, TrimmedFace, inside_of, loop_samples
 from dsfab.export.splines import bernstein
-
-NODES = np.linspace(0, 1, 4)[:, None]
-"""Shares (4, 1) of a piece at which the piece is moved onto a face: a cubic has four heights."""
 
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes for one face: numbers of the rim pieces that move onto the face, and new edges and vertices (6,) by
-    number."""
+    """Changes for one face: rim pieces that move onto the face, and new edges and vertices (6,) by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -54,7 +50,7 @@ class Rims:
         """Return the changes that move the rim pieces around a face onto the face; None without such pieces.
         on_seams : True if the face runs through the seams at corners, so that the rim pieces there can lie on it, too.
         """
-        around = _edges_of_face(face)
+        nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # a cubic has four heights
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
         face_pieces = [e for e in sorted(self.pieces_around(face)) if on_seams or free.issuperset(ends[e])]
@@ -66,10 +62,10 @@ class Rims:
         edges = dict[int, NetEdge]()
         for e in sorted({e for v in moves for e in self.ends[v]}.union(face_pieces)):
             edge, (a, b) = self.edges[e], (moves.get(v, np.zeros(2)) for v in ends[e])
-            shifts = (1 - NODES) * a + NODES * b
+            shifts = (1 - nodes) * a + nodes * b
             if e in face_pieces:
-                shifts[1:-1] = -face.gaps(bernstein(NODES[1:-1, 0]) @ edge.poles)
-                shifts = np.linalg.solve(bernstein(NODES[:, 0]), shifts)
+                shifts[1:-1] = -face.gaps(bernstein(nodes[1:-1, 0]) @ edge.poles)
+                shifts = np.linalg.solve(bernstein(nodes[:, 0]), shifts)
             poles = edge.poles + (shifts[:, :, None] * normals).reshape(4, 6)
             poles[[0, -1]] = [vertices.get(v, self.vertices[v]) for v in ends[e]]
             edges[e] = replace(edge, poles=poles)
@@ -97,37 +93,23 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
 
 
 FILLET_SHARE = 1 / 6
-"""Radius (over the thickness) of the largest fillet whose part of an edge lies exactly on the surface."""
+"""Radius over the thickness of the largest fillet whose part of an edge lies exactly on the surface."""
 
 INNER_SHARE = 6 / 7
 """Smallest radius on the inner skin, as a share of the outer radius. Around one opening the inner edge is a quarter
 shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
 
-HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where the surface must meet a part of an edge; between six of them the surface is off by less than 5e-8
-mm."""
-
 TEST_PLACES = np.linspace(0, 1, 33)
-"""Parameters where the distance is measured and an edge may be cut."""
+"""Parameters where the distance of an edge from a surface is measured, and where the edge may be cut."""
 
 FLUSH_TOLERANCE = 1e-6
-"""Largest accepted distance in mm; already with 5e-7 all corners of a dome take fillets."""
+"""Largest distance (mm) of a held edge from its surface. With 5e-7 all corners of a dome already take fillets."""
 
-HELD_WEIGHT, MOVE_WEIGHT = 1e6, 1e-4
-"""Weights of held points and of the movement of poles; points along edges have the weight 1."""
-
-FIT_WEIGHTS = ((1.0, 1e-2), (0.1, 1e-4))
-"""Weights of old places and of second differences of the movement of poles. With the first pair, faces with three
-corners of openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed. With the second pair it was
-0.02 mm."""
-
-STILL_PLACES = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
-"""Parameters where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
-
-STILL_ROWS = rows_at(STILL_PLACES)
+STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
+"""Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
 MOVED = 1 / 400
-"""Largest movement at the still places, as a share of the thickness."""
+"""Largest movement of the inside of a face, as a share of the thickness."""
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
@@ -191,8 +173,7 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares of an edge at which it is cut, beyond the fillets at its ends, which reach radius times
-    `halves`."""
+    """Return the shares where an edge is cut, beyond the fillets at its ends, which reach radius times `halves`."""
     shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -218,8 +199,9 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
     middle, surfaces = edges.mean(axis=0), list[Floats]()
     inside = inside_of(edges)
     largest_move = MOVED * float(np.linalg.norm(middle[:3] - middle[3:]))
-    for poles, axes, s in ((face.outer, face.axes[0], np.s_[:, :3]), (face.inner, face.axes[1], np.s_[:, 3:])):
-        surface = _surface_through(poles, axes, (held_points[s], test_points[s], edges[s], inside[s]), largest_move)
+    for poles, axes, s in face.skins:
+        points = tuple(group[:, s] for group in (held_points, test_points, edges, inside))
+        surface = _surface_through(poles, axes, points, largest_move)
         if surface is None:
             return face
         surfaces.append(surface)
@@ -229,17 +211,20 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
     """Return the poles of a surface through the first points, all points (k, 3); None if that fails.
-    The surface is within `FLUSH_TOLERANCE` of the second points and near the third points, which lie on edges. At the
+    The surface is within `FLUSH_TOLERANCE` of the second points, and near the third points, which lie on edges. At the
     fourth points, inside, it is within `largest_move` of the old surface."""
-    # The search ends if the excess after three degrees is larger. Of 502 faces that became flush in seven designs the
-    # worst had 10.3; without this limit hopeless faces took nine tenths of the time.
+    # If a residual after three degrees is above 20 times its limit, the search ends. The worst of 502 faces that became
+    # flush had 10.3 times; without this limit hopeless faces took nine tenths of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
-    exact = 5e-8  # half of 1e-7 mm, which OCCT ignores, because poles are rounded
+    exact = 5e-8  # OCCT ignores 1e-7 mm, and the rounding of poles takes half of it
+    # Weights of old places and of second differences of the moves. With the first pair, faces with three corners of
+    # openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed; with the second pair 0.02 mm.
+    weights = (1.0, 1e-2), (0.1, 1e-4)
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
     heights.append(height_rows(parameters[3], len(poles) - 1) @ local[..., 2].ravel())
-    for calm, smooth in FIT_WEIGHTS:
+    for calm, smooth in weights:
         result, least = None, FLUSH_TOLERANCE
         for degree in range(len(poles) - 1, len(poles) + more_degrees):
             raised_surface = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
@@ -261,10 +246,14 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the (k,) movement of pole heights that brings the surface onto the first points and near the third points.
+    """Return the movement (k,) of pole heights that brings the surface onto the first points and near the third points.
     rows : basis (., k) for each kind of points.    distances : from the surface to each kind of points."""
+    held_weight, move_weight = (
+        1e6,
+        1e-4,
+    )  # weights of the first points and of the moves; the third points have the weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
-    still = [smooth * differences(degree + 1), MOVE_WEIGHT * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
-    right = np.concatenate([HELD_WEIGHT * distances[0], distances[2], np.zeros(sum(map(len, still)))])
-    A = np.concatenate([HELD_WEIGHT * rows[0], rows[2], *still])
+    still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
+    right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])
+    A = np.concatenate([held_weight * rows[0], rows[2], *still])
     return np.asarray(lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0])

@@ -1,4 +1,4 @@
-"""Trimmed faces for regions without four sides: a Bezier surface over the mean plane, with measured gaps."""
+"""Trimmed faces for regions without four sides: Bezier surfaces over the mean plane, with measured gaps."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -20,10 +20,7 @@ from dsfab.export.cad.step.by_members.patches import (
     raised_poles,
 )
 from dsfab.export.cad.step.by_members.regions import ChainLoop
-from dsfab.export.splines import bernstein
-
-LEAST_SINE = 1 / 4
-"""Smallest sine of a parallelogram's angle; surfaces over flatter parallelograms are folded where they bend."""
+from dsfab.export.splines import bernstein, polyline_length
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +39,7 @@ class FaceDomain:
     inside: int
 
     @classmethod
-    def around(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
+    def from_edges(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
         """Return the domain around edges (j, 3), 1 mm larger on all sides."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
@@ -60,20 +57,20 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least; return
-        them (2, 2). Its corners count, at the heights of a quadratic surface through all points."""
+        """Choose the two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
+        The corners of the parallelogram count, at the heights of a quadratic surface through all points."""
+        least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # closed edges have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
-        ends = np.stack(
-            [(places_in_plane @ turned).min(axis=0), (places_in_plane @ turned).max(axis=0)]
-        )  # (2, k) distances to the left of each way
+        leftwards = places_in_plane @ turned
+        ends = np.stack([leftwards.min(axis=0), leftwards.max(axis=0)])  # (2, k) distances to the left of each way
         i, j = np.triu_indices(len(ways), 1)
         sine = (ways @ turned)[j, i]
         i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed axes make the surface face outwards
-        i, j, sine = (x[np.abs(sine) >= LEAST_SINE] for x in (i, j, np.abs(sine)))
+        i, j, sine = (x[np.abs(sine) >= least_sine] for x in (i, j, np.abs(sine)))
         if not len(i):
             return self.sides
         along = ways[i] * (-ends[::-1, j] / sine)[..., None]  # (2, pairs, 2)
@@ -91,7 +88,7 @@ def _quadric(plane_points: Floats) -> Floats:
 
 
 def distance_outside(points: Floats, box: Floats) -> float:
-    """Largest distance of points (..., 3) outside of a box (2, 3)."""
+    """Largest distance of points (..., 3) outside of a box (2, 3); 0 inside."""
     return float(_outside(points, box).max(initial=0.0))
 
 
@@ -100,45 +97,35 @@ def _outside(points: Floats, box: Floats) -> Floats:
 
 
 SPLIT = 0.045
-"""Widest gap (mm) up to which a cut may split an edge. A reader measures an edge's tolerance at 23 points; at the
-points of a half edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
+"""Widest gap (mm) at an edge that a cut can split. A reader measures an edge's tolerance at 23 points; at the points
+of half an edge the gap may be wider, which OCCT finds invalid. OCCT's cuts set a new tolerance of at most 0.05 mm
 (`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 EDGE_WEIGHTS = (100.0, 10.0)
-"""Weights of edge points against 1 of inner points; the second is for gaps that stay open with the first. With 30 one
-cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm. In one face of a
-mesh of 1 m the gap stays 0.2 mm; there the second weight reduces the inner distance from 2.8 to 0.4 mm."""
+"""Weights of edge points against 1 of inner points; the second one is for gaps that stay open with the first. With
+30 one cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm."""
 
 SMOOTH_WEIGHTS = (1e-1, 1e-2)
-"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; they hold poles far from all
-points. With the second weight, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
+"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; these weights hold poles
+far from all points. With the second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
 
 BASE_DEGREE = 2
 """Degree of the surface to which corrections of higher degree are added."""
 
-INWARDS = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
-"""Positions of inner points, as shares of the way from the middle of an outline to the outline."""
-
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges, weights of second differences, and degrees; trials follow this order until the gap is narrow
-enough."""
+"""Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
 
 FURTHER_TRIALS = (
     *((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((EDGE_WEIGHTS[1], SMOOTH_WEIGHTS[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Further trials, in order, until edges can be split."""
+"""Further trials, in order, until a cut can split the edges."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
 """Axes (t, 2, 2) of the rectangles around a region that are tried."""
 
-TURNED_AREA_SHARE = 3 / 4
-"""A turned rectangle is used if its area is below this share of the usual one; its corners leave the box of the
-region."""
-
-FEWEST_STEPS, STEP_SHARE = 12, 1 / 160
-"""Smallest number of steps along an edge, and average step as a share of the outline's length. With 8 steps along an
-edge of 2.8 m the gap seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two steps."""
+HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
+"""Parameters where a surface must meet an edge; between these places the surface is off by less than 5e-8 mm."""
 
 LEAST_NORMAL_COSINE = 0.35
 """Smallest cosine between the normal of the mean plane and the normals of a region."""
@@ -149,7 +136,7 @@ class TrimmedFace:
     """Faces of a region on both skins.
 
     loops : loops of edges, the outer loop first.    outer, inner : poles (p + 1, p + 1, 3), mm.
-    axes  : (3, 3) for each surface: its plane and the direction of its heights.
+    axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
     exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
     astray : excess over the allowed distance from the mesh; -inf without a limit.
@@ -164,17 +151,20 @@ class TrimmedFace:
     exact: bool = False
     astray: float = -np.inf
 
+    @property
+    def skins(self) -> tuple[tuple[Floats, Floats, slice], ...]:
+        """Poles and axes of each surface, and the coordinates of its skin in points (k, 6)."""
+        return (self.outer, self.axes[0], slice(3)), (self.inner, self.axes[1], slice(3, 6))
+
     def gaps(self, points: Floats) -> Floats:
         """(k, 2) heights of edge points (k, 6) above both surfaces, millimetres."""
-        skins = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
-        return np.stack([_heights_over(*skin) for skin in skins], axis=1)
+        return np.stack([_heights_over(poles, axes, points[:, s]) for poles, axes, s in self.skins], axis=1)
 
 
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps itself in every
-    plane.
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if every plane sees it overlapping.
     part : True if the points are those of a larger region, which may bend away."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
@@ -189,7 +179,7 @@ def trimmed_face(
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
-    ways = np.concatenate([_chords(model, loop) for loop in loops])
+    ways = np.stack([P[3] - P[0] for loop in loops for P in map(model.poles, loop)])
     skins = (np.s_[:, :3], np.s_[:, 3:])
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
     (outer, A, *outer_distances), (inner, B, *inner_distances) = surfaces
@@ -199,7 +189,7 @@ def trimmed_face(
 
 
 def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
-    """Return the points out of (k, 6) that lie inside closed lines (., 6) and on the same side of the sheet."""
+    """Return (k,) True for points (k, 6) inside closed lines (., 6) and on the same side of the sheet."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     is_inside = points_inside(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -208,15 +198,17 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    middle = line.mean(axis=0)
-    return np.asarray((middle + INWARDS[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # shares of the way to the line
+    return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: ChainLoop) -> Floats:
     """Return (k, 6) points along a loop, denser at the ends of edges because a surface leaves the edges there first."""
+    # With 8 steps along an edge of 2.8 m the gap seemed to be 0.01 mm, but between two steps it was 0.12 mm.
+    fewest, step_share = 12, 1 / 160  # smallest number of steps along an edge, and usual step over the loop's length
     poles = [model.poles(step) for step in loop]
-    long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
-    steps = np.maximum(FEWEST_STEPS, np.ceil(long / (STEP_SHARE * max(long.sum(), 1e-300)))).astype(int)
+    long = np.array([polyline_length(P[:, :3]) for P in poles])
+    steps = np.maximum(fewest, np.ceil(long / (step_share * max(long.sum(), 1e-300)))).astype(int)
     return np.concatenate([_sample_matrix(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
 
 
@@ -254,15 +246,15 @@ def _surface(
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points.
 
-    ways : chords of the edges. Nothing holds a surface beside its outline, but programs draw boxes around poles. If
-    poles over a rectangle leave the box, the surface lies over the parallelogram along two chords that leaves it least.
+    ways : chords of the edges. CAD programs draw boxes around poles. If poles over a rectangle leave the box, the
+           surface lies over the parallelogram along two chords that leaves the box least.
     """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
-    over = FaceDomain.around(points, edges, axes, np.eye(2))
+    over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
     if (out := distance_outside(poles, limits.box)) > 0:
         skew = over.least_beyond(ways @ axes[:2].T, limits.box)
-        skew_fit = _fit_domain(FaceDomain.around(points, edges, axes, skew), limits)
+        skew_fit = _fit_domain(FaceDomain.from_edges(points, edges, axes, skew), limits)
         is_close = skew_fit[1] <= max(gap, limits.gap) and skew_fit[2] <= max(inner_distance, limits.off)
         if is_close and distance_outside(skew_fit[0], limits.box) < out:
             poles, gap, inner_distance = skew_fit
@@ -270,11 +262,10 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Return poles of the best surface over a domain, and its distances from edges and inner points."""
-    # Poles of degree `BASE_DEGREE` may lie this multiple of `limits.off` above or below all points. Poles of a higher
-    # degree are nearer: they made OCCT's box of a dome 13 mm too high instead of 38 mm.
+    # Poles may lie this multiple of `limits.off` above or below all points. Poles of a higher degree are nearer: with
+    # them OCCT's box of a dome was 13 mm too high instead of 38 mm.
     high = 2.0
-    z, gap, inner_distance = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
+    z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised_poles(z, BASE_DEGREE + 1)
     return over.poles_at(z), gap, inner_distance
@@ -285,12 +276,8 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
-def _chords(model: NetModel, loop: ChainLoop) -> Floats:
-    return np.stack([P[3] - P[0] for P in map(model.poles, loop)])
-
-
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """Return the (k,) distance in mm of a closed line (k, 6) from a surface near the line and near inner points (j, 6).
+    """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
     The result is the larger distance of both skins, and infinite if the points overlap in every plane."""
     return np.maximum(*misfits(points, line, degree))
 
@@ -309,58 +296,53 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
-    over = FaceDomain.around(points, line, axes, np.eye(2))
-    uv, z, inside = over.uv, over.z, over.inside
-    A, weight = height_rows(uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [inside, len(line)])
-    base = _heights(
-        height_rows(uv, BASE_DEGREE),
-        z,
-        np.ones(len(z)),
-        SMOOTH_WEIGHTS[1],
-        np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)),
-    )
-    poles = _heights(A, z, weight, SMOOTH_WEIGHTS[0], raised_poles(base, degree))
-    return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
+    over = FaceDomain.from_edges(points, line, axes, np.eye(2))
+    A, weight = height_rows(over.uv, degree), np.repeat([1.0, EDGE_WEIGHTS[0]], [over.inside, len(line)])
+    poles = _heights(A, over.z, weight, SMOOTH_WEIGHTS[0], raised_poles(_base_poles(over), degree))
+    return np.asarray(np.abs(A @ poles.ravel() - over.z)[over.inside :])
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Turn axes (3, 3) about the last one if the rectangle around a line (k, 3) becomes far smaller.
     A smaller rectangle has fewer poles without points."""
+    least_gain = 3 / 4  # corners of a turned rectangle leave the region's box, so its area must be this share or less
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
-    return np.concatenate([turned[smallest], axes[2:]]) if area[smallest] < TURNED_AREA_SHARE * area[0] else axes
+    return np.concatenate([turned[smallest], axes[2:]]) if area[smallest] < least_gain * area[0] else axes
 
 
-def _best(uv: Floats, z: Floats, inside: int, gap_limit: float, inner_limit: float) -> tuple[Floats, float, float]:
-    """Return poles over a square near heights z (k,), and the distances from edges and inner points (the first
-    `inside`).
+def _base_poles(over: FaceDomain) -> Floats:
+    rows, none = height_rows(over.uv, BASE_DEGREE), np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1))
+    return _heights(rows, over.z, np.ones(len(over.z)), SMOOTH_WEIGHTS[1], none)
+
+
+def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
+    """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
 
     High degrees wave between the points and gain little. If no trial closes the gap as wanted, the result is the trial
     with the least inner distance among those whose edges can be split, or otherwise with the least sum.
     """
-    base_rows = height_rows(uv, BASE_DEGREE)
-    base = _heights(base_rows, z, np.ones(len(z)), SMOOTH_WEIGHTS[1], np.zeros((BASE_DEGREE + 1, BASE_DEGREE + 1)))
+    z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
         if splittable and i >= len(USUAL_TRIALS):
             break
-        A = base_rows if degree == BASE_DEGREE else height_rows(uv, degree)
+        A = height_rows(over.uv, degree)
         poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised_poles(base, degree))
         residuals = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(residuals[inside:].max()), float(residuals[:inside].max(initial=0.0))))
-        if fits[-1][2] <= inner_limit and fits[-1][1] <= SPLIT:
+        if fits[-1][2] <= limits.off and fits[-1][1] <= SPLIT:
             splittable.append(fits[-1])
-            if fits[-1][1] <= gap_limit:
+            if fits[-1][1] <= limits.gap:
                 return fits[-1]
     return min(splittable, key=lambda fit: fit[2]) if splittable else min(fits, key=lambda fit: fit[1] + fit[2])
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Return poles (p + 1, p + 1) near heights z (k,), by weights and a basis A (k, (p + 1)^2), and near poles
-    `base`."""
+    """Return poles (p + 1, p + 1) near heights z (k,) and near poles `base`; A (k, (p + 1)^2) is the basis."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # twice as fast as numpy's
+    correction = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # scipy takes half of numpy's time
     return np.asarray(base + correction.reshape(base.shape))

@@ -1,7 +1,8 @@
 """Corrections of trimmed faces that leave the skins, or whose widest gap at an edge lies between OCCT's samples."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -12,6 +13,7 @@ from dsfab.export.cad.step.by_members.fillet_edges import curves_beyond
 from dsfab.export.cad.step.by_members.model import NetModel
 from dsfab.export.cad.step.by_members.patches import FaceLimits, differences, height_rows, places, raised_poles, rows_at
 from dsfab.export.cad.step.by_members.trimmed import (
+    HELD_PLACES,
     SPLIT,
     TrimmedFace,
     inside_of,
@@ -21,10 +23,8 @@ from dsfab.export.cad.step.by_members.trimmed import (
 )
 from dsfab.export.splines import bernstein
 
-PLACES = np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2)
-"""(k, 2) sample parameters of a surface."""
-
-ROWS = rows_at(PLACES)
+ROWS = rows_at(np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2))
+"""Basis at sample places of a surface, by degree."""
 
 
 def without_strays(
@@ -35,8 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If a limit of the
-    distance from the mesh exists, faces stay unchanged because the division judges them."""
+    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If the distance from
+             the mesh is limited, faces stay unchanged, because `divided_faces` judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -58,8 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face (k, 6) points of the skins at samples farther off than `tolerance`; empty if there is
-    none."""
+    """Return for each face points (k, 6) of the skins at its samples; none if all are within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -70,7 +69,7 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
+    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles, _, _ in face.skins]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
@@ -79,31 +78,15 @@ SAMPLES = 23
 """Number of points along an edge, ends included, at which OCCT measures the gap."""
 
 BETWEEN = 8
-"""Number of steps between two of OCCT's points; this module measures the gap at each step."""
-
-PEAK_WEIGHT, SMOOTH_WEIGHT, MOVE_WEIGHT = 1e4, 1e-2, 1e-4
-"""Weights of peaks and exact edges, of second differences of the movement of poles, and of the movement. Points along
-edges have the weight 1."""
-
-SAMPLING_ROUNDS, MORE_DEGREES = 6, 2
-"""Number of rounds in which peaks move, and number of degrees that a surface may gain."""
+"""Number of steps between two of OCCT's points; the gap is measured at each step."""
 
 SLOPE_STEP = 1e-3
 """Distance (mm) of two points that determine the slope of a surface."""
 
-DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
-"""Parameters where gaps are measured; OCCT measures at every `BETWEEN`th of them."""
-
-SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
-"""Coefficients of five consecutive gaps that give the slope in the middle."""
-
-HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Parameters where a surface must meet exact edges."""
-
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
-    right. A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
+    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, which then measures this gap.
+    A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
     exact_poles = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
@@ -113,18 +96,17 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with as many widest gaps as possible at samples. exact_poles : poles of edges that must stay
-    exact."""
+    """Return a face with its widest gaps at samples, if possible. exact_poles : of edges that stay exact."""
     fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
-    dense = np.stack([bernstein(DENSE) @ model.edges[e].poles for e in seams])
+    B = bernstein(np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1))  # OCCT measures gaps at every `BETWEEN`th place
+    dense = np.stack([B @ model.edges[e].poles for e in seams])
     firm = np.stack([bernstein(HELD_PLACES) @ exact_poles[e] for e in face_edges])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
-    skins = (face.outer, face.axes[0], np.s_[..., :3]), (face.inner, face.axes[1], np.s_[..., 3:])
-    surfaces = [_PeakSurface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
+    surfaces = [_PeakSurface(P, axes, dense[..., s], firm[..., s], edges[:, s]) for P, axes, s in face.skins]
     outer, inner = (surface.with_peaks_at_samples(face.exact) for surface in surfaces)
     exact = face.exact or any(x.closest(P) < fine for x, P in zip(surfaces, (outer, inner), strict=True))
     if outer is face.outer and inner is face.inner:
@@ -143,47 +125,42 @@ class _PeakSurface:
     seams: Floats
     held: Floats
     edges: Floats
-    over: dict[int, Floats] = field(default_factory=dict)
-    """Basis at points of seams and one step along both axes beside them, (3, e, k, poles), by degree."""
-    around: dict[int, Floats] = field(default_factory=dict)
-    """Basis along all edges, (j, poles), by degree."""
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
         """Return the poles of lowest degree with the fewest peaks off the samples. exact : keep exact edges exact."""
+        more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
-        result, least = self.poles, int(self._misplaced(self._gaps(local)).sum())
-        for degree in range(count - 1, count + MORE_DEGREES):
+        result, least = self.poles, int(self._misplaced(self._gaps_and_cosines(local)[0]).sum())
+        for degree in range(count - 1, count + more_degrees):
             if not least:
                 break
-            raised_poles_local = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
-            for z, wrong in self._rounds(raised_poles_local, exact_gap if exact else 0.0):
-                if wrong < least and self._is_allowed(raised_poles_local, z):
-                    result, least = (
-                        np.concatenate([raised_poles_local[..., :2], z[..., None]], axis=2) @ self.axes,
-                        wrong,
-                    )
+            raised = np.stack([raised_poles(local[..., i], degree) for i in range(3)], axis=2)
+            for z, wrong in self._rounds(raised, exact_gap if exact else 0.0):
+                if wrong < least and self._is_allowed(raised, z):
+                    result, least = np.concatenate([raised[..., :2], z[..., None]], axis=2) @ self.axes, wrong
         return result
 
     def closest(self, poles: Floats) -> float:
-        return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
+        return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Yield heights of poles after each round, with the number of misplaced peaks; gaps below `exact_gap` do not
-        move."""
+        """Yield heights of poles after each round, and the number of misplaced peaks. exact_gap : mm."""
+        rounds = 6  # peaks move in at most 6 rounds
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; edge points have 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
-        exact = self._rows(self.held, degree)
+        exact = height_rows(self._places(self.held), degree).reshape(*self.held.shape[:2], -1)
         distances = np.abs(self.held @ self.axes[2] - exact @ z)
         firm = exact[distances.max(axis=1) < exact_gap].reshape(-1, len(z))
         around = self._edge_rows(degree)
-        calm = np.concatenate([around, SMOOTH_WEIGHT * differences(degree + 1), MOVE_WEIGHT * np.eye(len(z))])
-        for _ in range(SAMPLING_ROUNDS):
+        calm = np.concatenate([around, smooth * differences(degree + 1), still * np.eye(len(z))])
+        for _ in range(rounds):
             pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._misplaced(gaps))}
             pins, right = _pins(rows, gaps, pinned)
-            A = np.concatenate([PEAK_WEIGHT * pins, PEAK_WEIGHT * firm, calm])
-            b = np.concatenate([PEAK_WEIGHT * right, np.zeros(len(firm) + len(calm))])
+            A = np.concatenate([peak * pins, peak * firm, calm])
+            b = np.concatenate([peak * right, np.zeros(len(firm) + len(calm))])
             moves = lstsq(A, b, check_finite=False)[0]
             z, gaps = z + moves, gaps - rows @ moves
             result.append((z.reshape(degree + 1, -1), int(self._misplaced(gaps).sum())))
@@ -198,24 +175,21 @@ class _PeakSurface:
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
-    def _rows(self, points: Floats, degree: int) -> Floats:
-        rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
-        return rows.reshape(*points.shape[:2], rows.shape[1])
+    def _places(self, points: Floats) -> Floats:
+        return places(self.poles, self.axes, points.reshape(-1, 3))
 
-    def _edge_rows(self, degree: int) -> Floats:
-        if degree not in self.around:
-            self.around[degree] = height_rows(places(self.poles, self.axes, self.edges), degree)
-        return self.around[degree]
+    @cached_property
+    def _edge_rows(self) -> Callable[[int], Floats]:
+        return rows_at(self._places(self.edges))
+
+    @cached_property
+    def _step_rows(self) -> Callable[[int], Floats]:
+        ways = np.array([np.zeros(3), SLOPE_STEP * self.axes[0], SLOPE_STEP * self.axes[1]])
+        return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        if degree not in self.over:
-            ways = np.array([np.zeros(3), SLOPE_STEP * self.axes[0], SLOPE_STEP * self.axes[1]])
-            points = self.seams + ways[:, None, None]
-            self.over[degree] = self._rows(points.reshape(-1, *points.shape[2:]), degree).reshape(*points.shape[:3], -1)
-        return self.over[degree]
-
-    def _gaps(self, local: Floats) -> Floats:
-        return self._gaps_and_cosines(local)[0]
+        """(3, e, k, poles) basis at points of seams, and one step along both axes beside these points."""
+        return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
         heights, heights_u, heights_v = self._seam_rows(len(local) - 1) @ local[..., 2].ravel()
@@ -225,7 +199,7 @@ class _PeakSurface:
     def _misplaced(self, gaps: Floats) -> Bools:
         """Return (e,) True if the widest gap of a seam lies between two of OCCT's samples."""
         exact = 1e-7  # OCCT ignores a gap below this (mm)
-        short = 3e-6  # the widest sampled gap may be less than the widest gap by this share; OCCT allows 1e-5
+        short = 3e-6  # the widest sampled gap may be smaller than the widest gap by this share; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         sampled = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
         wrong = (sampled < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
@@ -241,21 +215,20 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap, in the first
-    round."""
-    higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
+    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap."""
+    higher = 1.003  # the moved peak is made higher, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat
-    there."""
+    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat."""
+    slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:
-            pin_rows.append(SLOPE @ rows[e, k - 2 : k + 3])
-            pin_values.append(SLOPE @ gaps[e, k - 2 : k + 3])
+            pin_rows.append(slope @ rows[e, k - 2 : k + 3])
+            pin_values.append(slope @ gaps[e, k - 2 : k + 3])
         if value:
             pin_rows.append(rows[e, k : k + 1])
             pin_values.append(gaps[e, k : k + 1] - value)

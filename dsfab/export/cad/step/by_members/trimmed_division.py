@@ -7,7 +7,7 @@ from itertools import islice, pairwise
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, plane_cross
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.export.cad.step.by_members.curves import ChainCurve, on_skins, parts_of
@@ -27,15 +27,8 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-LEAST_WIDTH_SHARE = 1 / 20
-"""A chord must cut off a mean width above this share of the thickness; OCCT draws no triangles of a lens of 1.6 x
-0.2 mm."""
-
-CHORD_SHARES = np.linspace(0, 1, 17)[1:-1]
-"""Shares of a chord where its distance from the outline is measured."""
-
 TRIED = 24
-"""Number of chords to try; half of them begin where the gap is widest."""
+"""Number of chords to try; half of these begin where the gap is widest."""
 
 POINTS = 8
 """Number of points of the outline along half an edge."""
@@ -43,7 +36,7 @@ POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region in halves of its edges. A place is the index of a half edge.
+    """Outline of a region, with its edges halved. A place is the index of a half edge.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -63,8 +56,7 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """Return the closed line (k, 6) from place a to place b, and back along the cubics (c, 4, 6) of a seam from
-        a to b."""
+        """Return the closed line (k, 6) from place a to place b, and back along a seam (c, 4, 6) from a to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
@@ -72,56 +64,52 @@ class HalvedOutline:
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Yield pairs of places, ascending, whose chord is clear inside the outline.
         Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
-        area cut off. Each group has at most `times * TRIED / 2` pairs."""
+        area that the chord cuts off. Each group has at most `times * TRIED / 2` pairs."""
+        least_width = 1 / 20  # share of the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
-        area = np.append(0.0, np.cumsum(_cross(line, np.roll(line, -1, axis=0)))) / 2
-        cut_area = area[POINTS * j] - area[POINTS * i] + _cross(place_points[j], place_points[i]) / 2
+        area = np.append(0.0, np.cumsum(plane_cross(line, np.roll(line, -1, axis=0)))) / 2
+        cut_area = area[POINTS * j] - area[POINTS * i] + plane_cross(place_points[j], place_points[i]) / 2
         least = np.minimum(cut_area, area[-1] - cut_area)
         long = np.linalg.norm(place_points[j] - place_points[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
-        narrow = LEAST_WIDTH_SHARE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # outer chords have a negative area
+        narrow = least_width * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
+        order = order[least[order] > narrow * long[order]]  # chords outside cut off a negative area
         is_near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for group in (order[is_near], order[~is_near]):
             clear = (k for k in group.tolist() if _is_clear(place_points[i[k]], place_points[j[k]], line))
             yield from ((int(i[k]), int(j[k])) for k in islice(clear, times * TRIED // 2))
 
 
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
-
-
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # distance from the outline over distance from the nearer end: the sine of the angle there
-    P, directions = a + CHORD_SHARES[:, None] * (b - a), np.roll(line, -1, axis=0) - line
+    clear = 0.3  # smallest distance from the outline over the distance from the nearer end of the chord
+    shares = np.linspace(0, 1, 17)[1:-1]
+    P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
     x = np.clip((from_start * directions).sum(axis=2) / np.maximum((directions**2).sum(axis=1), 1e-300), 0, 1)
     apart = np.linalg.norm(from_start - x[..., None] * directions, axis=2).min(axis=1)
-    return bool((apart >= clear * np.minimum(CHORD_SHARES, 1 - CHORD_SHARES) * np.linalg.norm(b - a)).all())
+    return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
 TRIAL_DEGREE = 6
-"""Degree of the surfaces that are built for trials."""
+"""Degree of the surfaces that are fitted to compare seams."""
 
 TIMES = 3
-"""If the seams of the first trial do not help enough, this factor times more seams are tried; then the best of all is
-taken. In one opening the first usable seam led to six parts of a few mm, two of degree 15, that crossed in OCCT's
+"""Largest factor of the number of seams to try. If the usual number does not help enough, more seams are tried, and
+the best of all is used. In one opening the first usable seam led to six parts of a few mm, and two crossed in OCCT's
 triangles; the best seam led to four parts."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one face
-were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too; another face was 3.7 mm off inside for 0.8 allowed."""
+"""Limits for a face that stays whole: distance of poles outside the box over the box's diagonal, and distance of
+inner points over `limits.off`. In one face poles were 320 mm outside of a mesh of 2.3 m, and OCCT's box grew too;
+another face was 3.7 mm off inside where 0.8 are allowed."""
 
 CUBIC_COUNTS, STRAY_SHARE = (1, 2, 4), 1 / 2
 """Numbers of cubics of a seam, tried in order until the seam is off the skins by at most this share of `limits.off`.
 One cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. If the distance from the mesh is limited,
 only one cubic is tried, because OCCT drew no triangles of a face beside a longer seam."""
-
-SEAM_SHARES = np.linspace(0, 1, 17)
-"""Shares of a seam where its distance from the mesh is measured."""
 
 
 def divided_faces(
@@ -144,11 +132,10 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio to its limit: of gap, inner distance, distance of poles from the box, and of the
-    mesh."""
+    """Return the largest ratio to its limit of gap, inner distance, and distances from the box and the mesh."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles add the deflection
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
@@ -162,8 +149,7 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). With a limit from the mesh, more seams are tried if a part is
-        still too far off."""
+        """Divide a face with inner points (k, 6). Near a limit from the mesh, more seams are tried."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -192,8 +178,7 @@ class _FaceDivision:
         return steps
 
     def _divide_in_two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face in two if both parts are better: by the first seam that makes them better, or by the best of
-        many."""
+        """Divide a face by the first seam that makes both parts better, or by the best of many seams."""
         less = 0.9  # the worse part may have at most this share of the region's `allowance_used`
         loop, model = self.over_halves(face.loops[0]), self.model  # another division may have halved a seam
         best_seam: tuple[int, int, Floats] | None = None
@@ -202,7 +187,7 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the face
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the old face
             if worse < least and not wide:
                 if self.times == 1:
                     return two
@@ -220,7 +205,7 @@ class _FaceDivision:
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
         full = 3  # faces are built for the best three seams
-        many = 2000  # trials use about so many points; regions over a foot have ten thousand
+        many = 2000  # trials use about 2000 points; the region over a foot has ten thousand
         at_gap = 4  # half of the tried seams begin at the four places nearest to the widest gap
         points = points[:: 1 + len(points) // many]
         distances = misfit(points, outline.line, TRIAL_DEGREE).reshape(-1, POINTS).max(axis=1)
@@ -236,8 +221,7 @@ class _FaceDivision:
         return [(pairs[i], seams[i]) for i in np.argsort(errors, kind="stable").tolist()[:limit]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord, as many as needed or
-        allowed."""
+        """Return cubics (k, 4, 6) on the skins between the two points (6,) of each chord."""
         checks = 8  # the distance of each cubic from the skins is measured at 8 places
         result, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBIC_COUNTS[:1] if self.limits.beyond_mesh else CUBIC_COUNTS:
@@ -255,8 +239,8 @@ class _FaceDivision:
         return result
 
     def _is_near(self, cubics: Floats) -> bool:
-        beyond = self.limits.beyond_mesh
-        return beyond is None or float(beyond((bernstein(SEAM_SHARES) @ cubics).reshape(-1, 3)).max()) <= 0
+        beyond, samples = self.limits.beyond_mesh, bernstein(np.linspace(0, 1, 17)) @ cubics
+        return beyond is None or float(beyond(samples.reshape(-1, 3)).max()) <= 0
 
     def _with_seam(self, loop: ChainLoop, a: int, b: int, cubics: Floats) -> tuple[ChainLoop, ChainLoop]:
         steps, place_steps, model = list[tuple[int, bool]](), list[int](), self.model

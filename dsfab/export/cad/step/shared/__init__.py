@@ -1,1 +1,1 @@
-"""Smooth skins of a sheet, which the smooth solids and the solids by members share."""
+"""Plan of a curved solid, its outlines, and both skins with limits, for smooth solids and solids by members."""

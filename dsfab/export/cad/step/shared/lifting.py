@@ -1,4 +1,4 @@
-"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between the sides."""
+"""Lifting of mesh points to both skins, with normals on each side of a crease and mitres between both sides."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -7,15 +7,14 @@ import igl
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, face_angles
+from dsfab.core.arrays import Bools, Floats, Ints, face_angles, unit_vectors
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
 LEAST_BEND = 8.0
-"""Smallest angle (degrees) between the faces at an edge of a crease. Another edge of the crease must bend by
-`CREASE`."""
+"""Smallest angle (degrees) between the faces at an edge of a crease. One edge of each crease must bend by `CREASE`."""
 
 BEND_RATIO = 4.0
 """Smallest ratio of the bend of a crease to the bend of the edges beside the crease."""
@@ -36,7 +35,7 @@ def crease_edges(surface: Surface) -> Bools:
     normals_left, normals_right = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", normals_left, normals_right), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):  # the second round finds faces of two creases
+    for _ in range(2):  # the second round finds creases at faces with two sharp edges
         rest = np.where(crease | ~inner, 0.0, bend)
         sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) sharper of the two other edges
         around = np.zeros(len(bend))
@@ -56,7 +55,7 @@ def crease_edges(surface: Surface) -> Bools:
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for their edges.
 
-    A face where several creases meet has another sharp edge, so the comparison uses the flatter of its other edges.
+    A face where several creases meet has another sharp edge, so an edge is compared with the flatter of the two others.
     """
     edges = surface.edges
     around = np.zeros(len(bend))
@@ -111,15 +110,14 @@ class CreaseSides:
         N = np.zeros((len(vertex), 3))
         np.add.at(N, corner, face_angles(surface.V, surface.F)[..., None] * surface.normals[:, None])
         N[: surface.n] = skins.normals
-        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        N = unit_vectors(N)
         half = skins.half[vertex]
         mitre = np.zeros_like(N)
         mitre[surface.n :] = _mitres(sides, N[surface.n :], half[surface.n :])
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Convert barycentric weights (k, n) to two arrays of weights on columns (k, s), one for each side of a
-        crease."""
+        """Return weights on columns (k, s) for both sides of a crease, from barycentric weights (k, n)."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -135,7 +133,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return the (j,) indices of points with weights (k, n) that lie half way between two faces beside a crease."""
+        """Return the indices (j,) of points with weights (k, n) half way between two faces beside a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -151,8 +149,7 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: two faces on an edge, twice the same face inside;
-        -1 if none."""
+        """Return (count, 2) faces with the vertices of each row: two on an edge, the same twice inside, or -1."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -191,7 +188,7 @@ class CreaseSides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two."""
+    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two vertices."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > ZERO_WEIGHT
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -219,7 +216,7 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    longest = 3.0  # a mitre longer than three times half the thickness becomes blunt
+    longest = 3.0  # a mitre is cut off at three times half the thickness
     mitres = np.zeros_like(N)
     for v in np.unique(vertex):
         is_same = vertex == v
@@ -244,14 +241,9 @@ def _positions_of(numbers: Ints, sought: Ints) -> Ints:
     return np.where(numbers[position] == sought, position, -1)
 
 
-MOST_LIFT = 1 / 5
-"""Largest lift of a point, as a share of the thickness. At most a quarter of the thickness counts as chord error
-(`MOST_CHORD`), and both skins and the fits are off by a little more."""
-
-
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """Uncut surface with its skins, see `DenseSurface`, as the target of points of the mesh."""
+    """Uncut surface with its skins, see `DenseSurface`, onto which points of the mesh are lifted."""
 
     skins: DenseSurface
 
@@ -268,7 +260,7 @@ class Lifting:
         return np.asarray((self._points(left_weights) + self._points(right_weights)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """Replace weights of points between two faces beside a crease by those of the nearest places in a face.
+        """Replace points between two faces beside a crease by the nearest places in a face.
 
         Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain.
         """
@@ -281,6 +273,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
+        most_lift = 1 / 5  # share of the thickness; a quarter is the largest chord error, see `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -288,22 +281,20 @@ class Lifting:
         pull = weights @ (along[:, None] * N)
         half = MM_PER_M * np.asarray(weights @ self.sides.half)[:, None]
         lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
-        lift *= np.minimum(2 * MOST_LIFT * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
-        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-        D = half * n
+        lift *= np.minimum(2 * most_lift * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
+        D = half * unit_vectors(n)
         if len(self.sides.creases):
             D = D + MM_PER_M * np.asarray(weights @ self.sides.mitre)
         middle = P + lift + self.skins.shift * D
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def vectors_to_skins(self, Q: Floats) -> Floats:
-        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins, at the mesh places nearest to the
-        middles."""
+        """Return (k, 6) vectors across the sheet from points (k, 6) to the skins near their middles."""
         targets = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = targets[:, :3] - targets[:, 3:]
-        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam the skins swap
+        is_flipped = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # beyond a seam both skins are exchanged
         targets[is_flipped], across[is_flipped] = np.roll(targets[is_flipped], 3, axis=1), -across[is_flipped]
-        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        across = unit_vectors(across)
         vectors = [np.einsum("ki,ki->k", (targets - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
         return np.concatenate(vectors, axis=1)
 

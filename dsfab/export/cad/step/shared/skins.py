@@ -1,4 +1,4 @@
-"""Points of smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
+"""Smooth skins between mesh vertices, and the allowed distance of a solid from the mesh."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -6,7 +6,7 @@ from functools import cached_property
 import igl
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.core.arrays import Bools, Floats, Ints, cross, unit_vectors
 from dsfab.core.limits import OFF_SURFACE
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import NO_PAIRS, Curved
@@ -40,11 +40,11 @@ class DenseSurface:
         N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
         a, b = self.twins.T
         N[a], N[b] = N[a] - N[b], N[b] - N[a]
-        return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
+        return unit_vectors(N)
 
     @cached_property
     def half_vectors(self) -> Floats:
-        """(n, 3) vectors to the skins along the mean normals.
+        """(n, 3) vectors from the middle to a skin along the mean normals.
 
         Other normals lean a little to one side, which makes a skin uneven.
         """
@@ -63,15 +63,12 @@ class DenseSurface:
     @cached_property
     def finer(self) -> "DenseSurface":
         """The surface after each triangle was divided in four."""
-        return DenseSurface(self._divided_surface, self.carry(self.half), self.shift, np.tile(self.parent, 4))
-
-    @property
-    def _divided_surface(self) -> Surface:
         surface, edges = self.surface, self.surface.edges
         M = np.concatenate([surface.V, cubic_midpoints(surface.V, self.normals, edges.ends)])
         (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + edges.of.T
         four = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
-        return Surface(M, np.concatenate([np.stack(corners, axis=1) for corners in four]))
+        divided = Surface(M, np.concatenate([np.stack(corners, axis=1) for corners in four]))
+        return DenseSurface(divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     def carry(self, fields: Floats) -> Floats:
         """Interpolate fields (n, ...) linearly to the vertices of `finer`."""
@@ -80,7 +77,7 @@ class DenseSurface:
 
 def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
     """Return the undivided surface with its skins."""
-    D = curved.D[surface.F]  # vectors are longer at corners, so that faces keep their thickness
+    D = curved.D[surface.F]  # vectors are longer at creases, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
     half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
@@ -92,8 +89,7 @@ def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
 
     With these points, fits do not wave between vertices.
     """
-    N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
-    chord = P[ends[:, 1]] - P[ends[:, 0]]
+    N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)
 
@@ -129,14 +125,31 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
 
 
 def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
-    """(m,) volumes between triangles V - D and V + D; (n, 3) each."""
+    """(m,) volumes between triangles V - D and V + D; V and D (n, 3)."""
     a, b, c = F.T
-    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3  # mean over V + s D, s from -1 to 1
+    # mean area vector of V + s D for s from -1 to 1
+    across = cross(V[b] - V[a], V[c] - V[a]) + cross(D[b] - D[a], D[c] - D[a]) / 3
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
+GAP_SHARE = 1 / 20
+"""Widest accepted gap between a skin and its edges, as a share of the thickness."""
+
+OUTLINE_SHARE = 0.55
+"""Tolerance of outlines, as a share of the allowed distance from the mesh."""
+
+LOOP_SHARE = 0.03
+"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
+
+
+def decimals(thickness: float) -> int:
+    """Return the decimals of coordinates (mm) whose rounding is a small share of the thickness (mm)."""
+    rounding = 3e-5
+    return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
+
+
 MOST_CHORD = 1 / 4
-"""Largest chord error, as a share of the thickness, because the estimate is wrong at creases."""
+"""Largest chord error that counts, as a share of the thickness, because the estimate is wrong at creases."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,11 +179,8 @@ class SmoothLimits:
         coarse = 2  # the message names the largest error if it is at least twice the usual error
         largest = float(self.chord.max())
         usual_text = f"usually under {self.usual_chord:.2g} mm" if self.usual_chord > 0 else "usually none"
-        coarsest_text = (
-            f", {largest:.2g} mm where it is coarsest"
-            if largest > coarse * self.usual_chord and largest > self.distance
-            else ""
-        )
+        is_coarse = largest > coarse * self.usual_chord and largest > self.distance
+        coarsest_text = f", {largest:.2g} mm where it is coarsest" if is_coarse else ""
         return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {usual_text}{coarsest_text}"
 
     def allowed_distances(self, points: Floats) -> Floats:
@@ -201,6 +211,5 @@ def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> S
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)
     V = np.concatenate([mesh.middle + mesh.half_vectors, mesh.middle - mesh.half_vectors])
     F = np.concatenate([surface.F, surface.F + surface.n])
-    return SmoothLimits(
-        t, tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), np.tile(excess_volumes(mesh, curved), 2)
-    )
+    rounder = np.tile(excess_volumes(mesh, curved), 2)
+    return SmoothLimits(t, tolerance or OFF_SURFACE * t, V, F, np.tile(chord, 2), rounder)

@@ -17,10 +17,11 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.core.sparse.cholesky import one_blas_thread
 from dsfab.export.cad.step.file_size import BudgetError, require_budget
-from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.acceptance import GAP_SHARE, Acceptance, SmoothPlan, SmoothSolid
+from dsfab.export.cad.step.shared.sheet_outline import WALL, SheetOutline
+from dsfab.export.cad.step.shared.skins import GAP_SHARE, SmoothLimits
+from dsfab.export.cad.step.smooth import acceptance
+from dsfab.export.cad.step.smooth.acceptance import Acceptance, SmoothPlan, SmoothSolid
 from dsfab.export.cad.step.smooth.edges import LEVEL_FACTORS, RunKey
-from dsfab.export.cad.step.smooth.layout import WALL, SheetOutline
 from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothPiece, SmoothPieceFile, crossings, file_text, rest_of
 from dsfab.export.cad.step.worker.reports import OcctFinding, findings, occt
 from dsfab.export.part import Part
@@ -30,10 +31,7 @@ REFITS = 2
 """Number of times that the refused pieces of a layout are built again with tighter curves."""
 
 CLOSEST = len(LEVEL_FACTORS) - 1
-"""Highest level of tighter curves."""
-
-CHORDS, NEAR = 64, 4
-"""Number of chords of an edge for distances of mesh corners, and number of chords tested for each corner."""
+"""Highest level of tighter curves, see `LEVEL_FACTORS`."""
 
 
 class _AcceptedPiece(NamedTuple):
@@ -49,7 +47,7 @@ def smooth_file(part: Part) -> SmoothPieceFile:
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Return faces and bytes of a part's first smooth file without checks; raises ExportError if it cannot be built."""
+    """Return faces and bytes of a part's first smooth file without checks; raises ExportError without pieces."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.build(next(plan.layouts())).model
@@ -61,9 +59,8 @@ def first_draft(part: Part) -> tuple[int, int]:
 
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
-        most_faces = 6000  # OCCT reads 6000 faces in one to two minutes; larger files get no further layout
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, most_faces
+        self.inspected, self.most = 0, 6000  # OCCT reads 6000 faces in 1 to 2 minutes; after these no layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
@@ -73,7 +70,8 @@ class _SmoothSearch:
         """Accept each solid in the first layout in which all its pieces pass; solids may use different layouts."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
-                self._try(fields)
+                with ExitStack() as programs:
+                    self._judge_layout(programs, fields)
             except BudgetError:
                 raise
             except ExportError as error:
@@ -87,13 +85,9 @@ class _SmoothSearch:
             raise ExportError(f"{self.reason}; write step = 'faceted'")
         return self._file()
 
-    def _try(self, fields: Floats) -> None:
-        with ExitStack() as programs:
-            self._judge_layout(programs, fields)
-
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        # Refused places: of seven sheets with 1100 to 3800 faces four had none, one had 2, and two had 104 and 216,
-        # which refits did not cure.
+        # OCCT refused no place in four of seven sheets with 1100 to 3800 faces, 2 places in one sheet, and 104 and 216
+        # places in two sheets, which refits did not cure.
         hopeless = 40
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
@@ -106,7 +100,8 @@ class _SmoothSearch:
         verdicts, todo = dict[int, Acceptance](), requested
         for turn in range(REFITS + 1):
             ready = [k for k in todo if not model.pieces[k].refused]
-            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._findings(program, model, ready))
+            judged = {k: model.pieces[k] for k in todo}
+            verdicts |= acceptance.verdicts(gate, judged, self._findings(program, model, ready))
             todo = [k for k in todo if len(verdicts[k].bad) and raise_levels(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break
@@ -120,34 +115,32 @@ class _SmoothSearch:
         self.taken += [_AcceptedPiece(model, k, verdicts[k]) for k in taken]
         self.done |= {int(gate.solid[k]) for k in taken}
         self.reason = next((verdicts[k].reason for k in requested if verdicts[k].reason), "")
-        self.left, self.pieces = gate.remaining_triangles(self.done), len(model.pieces)
+        self.left, self.pieces = gate.solids.faces(set(range(gate.solids.count)) - self.done), len(model.pieces)
 
     def _findings(self, program: PreparedProgram, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
-        face_seconds = 0.1
-        base_seconds = 120  # processor time is limited to many times the usual time, because a check may never end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         require_budget(self.part, count, len(self.text))
-        seconds = base_seconds + face_seconds * count
+        seconds = 120 + 0.1 * count  # many times the usual processor time, because a check may never end
         results = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, results, strict=True)) if len(results) == len(which) else {}
 
     def _file(self) -> SmoothPieceFile:
         rest = rest_of(self.part, self.left) if len(self.left) else None
-        taken = [(model, k) for model, k, _ in self.taken]
+        taken, verdicts = [(model, k) for model, k, _ in self.taken], [verdict for *_, verdict in self.taken]
         text = self.text if rest is None and taken == self.last else file_text(self.part, taken, rest)
         return SmoothPieceFile(
             text=text,
             pieces=self.pieces,
             smooth=len(self.taken),
             faces=text.count("=ADVANCED_FACE("),
-            gap=max(model.pieces[k].gap for model, k, _ in self.taken),
-            there=max(verdict.there for _, _, verdict in self.taken),
-            back=max(verdict.back for _, _, verdict in self.taken),
+            gap=max(model.pieces[k].gap for model, k in taken),
+            there=max(verdict.there for verdict in verdicts),
+            back=max(verdict.back for verdict in verdicts),
             limits=self.plan.limits,
-            volume=sum(verdict.volume for _, _, verdict in self.taken),
+            volume=sum(verdict.volume for verdict in verdicts),
             refused=self.reason if len(self.left) else "",
         )
 
@@ -166,7 +159,7 @@ def raise_levels(model: SmoothModel, k: int, level: dict[RunKey, int], bad: Floa
 
 
 def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) -> None:
-    """Rebuild a piece until no curve crosses, leaves a gap or strays, or until no tighter fit is left."""
+    """Rebuild a piece until no curve crosses, leaves a gap or leaves the mesh, or until no tighter fit is possible."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -179,14 +172,15 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
-    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
+    """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than allowed.
 
     OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
     """
-    x = np.linspace(0, 1, CHORDS + 1)
+    chord_count, nearest_count = 64, 4  # chords of an edge, and nearest chords that are measured for each corner
+    x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)
-    nearest_chords = cKDTree((start + end) / 2).query(corners, NEAR)[1]
+    nearest_chords = cKDTree((start + end) / 2).query(corners, nearest_count)[1]
     away = distances_from_segments(corners[:, None], start[nearest_chords], end[nearest_chords]).min(axis=1)
     is_far = away > limits.distance
     return np.asarray(corners[is_far][away[is_far] > limits.allowed_distances(corners[is_far])])

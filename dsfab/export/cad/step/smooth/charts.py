@@ -61,7 +61,7 @@ class SplinePatch:
         return SplinePatch(self.u, self.v, self.poles[:, :, begin:end])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
-        """Return (k, 2) parameters of the surface points nearest to `points` (k, 3), by Gauss-Newton steps from uv."""
+        """Return parameters (k, 2) of the surface points nearest to `points` (k, 3), by Gauss-Newton steps."""
         step_limit = 1e-8  # steps end at this share of the surface's size: 0.1 micrometres on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
@@ -79,13 +79,13 @@ class SplinePatch:
 
 
 SMOOTHING = 1e-5
-"""Weight of the differences of poles against distances from points."""
+"""Weight of the differences between poles, against the distances from points."""
 
 FEWEST_POLES, MOST_POLES = 6, 48
 """Smallest and largest number of poles of a fit in one direction."""
 
 FEW_POLES = 24
-"""A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection."""
+"""A chart with more poles in one direction is divided once, because OCCT searches all poles for a projection."""
 
 FIRST_POLES = 8.0
 """Number of poles of the first attempt: geometric mean of both directions."""
@@ -118,7 +118,7 @@ def fitted_surface(
     """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
 
     first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
-    The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
+    The error of a cubic surface grows with the fourth power of its spans, which gives the size of the next attempt.
     """
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
@@ -127,27 +127,22 @@ def fitted_surface(
     n, inside_numbers = min(first_poles, pole_limit), np.flatnonzero(inside)
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
-        patch, points = _through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
+        patch, points = patch_through(uv, Q, weight, (count[0], count[1]), SMOOTHING)
         away = np.linalg.norm((points[inside_numbers] - Q[inside_numbers]).reshape(-1, 2, 3), axis=2)
         distance = float(away.max())
         if distance <= tolerance or n >= min(pole_limit, most_poles):
             return SurfaceFit(patch, distance, float(n), bool(distance > tolerance and n < most_poles))
-        n = min(
-            n * float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0)), max(pole_limit, n), float(most_poles)
-        )
+        growth = float(np.clip(1.05 * (distance / tolerance) ** 0.25, 1.15, 2.0))
+        n = min(growth * n, max(pole_limit, n), float(most_poles))
 
 
-def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> SplinePatch:
-    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
+def patch_through(
+    uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
+) -> tuple[SplinePatch, Floats]:
+    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
 
     weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
     """
-    return _through(uv, Q, weight, count, smoothing)[0]
-
-
-def _through(
-    uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float
-) -> tuple[SplinePatch, Floats]:
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -212,8 +207,7 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return row offsets below the diagonal, and these rows of the band matrix of squared second differences of p x q
-    poles."""
+    """Return rows of the band matrix of squared second differences of p x q poles, and their offsets."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -233,11 +227,11 @@ def _diagonal(table: Floats, below: int) -> Floats:
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
 """Weights of points around a chart, which hold the skins at seams, and of boundary points, whose normals lean to one
-side. The tolerance does not apply to either."""
+side. The tolerance applies to neither of these points."""
 
 FOLDED = 0.01
-"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when they are refined;
-the distance of the fit from all points is limited in any case."""
+"""Largest share of a chart's faces that face away. Coarse meshes fold at corners of the boundary when their
+triangles are divided; the distance of the fit from all points is limited in any case."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,8 +255,9 @@ class SkinPoints:
 
 
 def points_of(dense: DenseSurface, near_faces: Bools, in_chart: Bools) -> SkinPoints:
-    """Collect the points of a chart and of a ring around it. near_faces : (faces of the mesh,); in_chart : (n,)
-    vertices."""
+    """Collect the points of a chart and of a ring around it.
+
+    near_faces : (faces of the undivided mesh,) True near the chart.    in_chart : (n,) True for its vertices."""
     faces = np.flatnonzero(near_faces[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -308,15 +303,11 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-MOST_DIVISIONS = 2
-"""Most divisions of a coarse mesh for a fit, by points on cubics between the vertices. The shape between vertices of a
-coarse mesh is unknown, but both charts at a seam must agree."""
-
-HALVED, FEWEST = 4, 12
-"""Largest number of divisions of a chart, and smallest number of vertices of a chart that is divided."""
+HALVED = 4
+"""Largest number of divisions of a chart."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
-"""A chart is divided between its most opposite normals if the cosine of a normal's angle to the axis is smaller."""
+"""Smallest cosine between normals of a chart and its axis; a steeper chart is divided between opposite normals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -353,7 +344,7 @@ class ChartAtlas:
     """Charts of a surface, fitted on demand.
 
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number, without those that no spline follows; `failed` holds their reasons.
+    charts : by number, without charts that no spline follows; `failed` holds the reasons.
     """
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
@@ -365,16 +356,17 @@ class ChartAtlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """Fit the charts of these numbers and the charts that they are divided into (tolerance in millimetres).
+        """Fit the charts of these numbers and the charts that they are divided into.
 
-        hopeless : function of a failed chart; True ends the work, because the rest is useless without it.
+        hopeless : function of a failed chart; True ends the work, because the rest is useless without this chart.
         """
-        # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
+        # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3
+        fewest = 12  # a chart with fewer vertices is not divided
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
-            may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= FEWEST
+            may = halve and turn < HALVED and np.count_nonzero(self._best[0] == k) >= fewest
             halves = [(k, turn + 1), (self.fields.shape[1], turn + 1)]
             leaning = self._lean_field(k)
             if may and leaning is not None:
@@ -383,27 +375,23 @@ class ChartAtlas:
                 continue
             try:
                 chart = self._chart(k, FIRST_POLES * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
+                if may and chart.off > chart.tolerance:
+                    self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
+                    todo += halves
+                    continue
+                if chart.off > useless * chart.tolerance:
+                    raise ExportError(
+                        f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
+                        f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
+                    )
+                self.charts[k] = chart
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
                     return
-                continue
-            if may and chart.off > chart.tolerance:
-                self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
-                todo += halves
-            elif chart.off > useless * chart.tolerance:
-                self.failed[k] = (
-                    f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
-                    f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
-                )
-                if hopeless(k):
-                    return
-            else:
-                self.charts[k] = chart
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a (n,) field from the steepest normals of chart k to the opposite normals; None if no division is
-        needed."""
+        """Return a (n,) field from the steepest normals of a chart to the opposite ones; None if not steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -414,7 +402,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # this share of the half length makes the border about as steep as other borders
+        part_width = 0.25  # with this share of the half length the field is about as steep as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
@@ -433,26 +421,23 @@ class ChartAtlas:
 
     def _chart(self, k: int, first_poles: float, most_poles: int) -> SkinChart:
         of_chord = 0.3  # the tolerance includes this share of the mesh's chord error
+        most_divisions = 2  # a coarse mesh is divided twice at most, because both charts at a seam must agree
         F = self.surface.F
         near_faces = faces_at(F, self._best[0] == k)
         for _ in range(2):
             near_faces = faces_at(F, corners_of(F, near_faces, self.surface.n))
-        for level in range(MOST_DIVISIONS + 1):
+        for level in range(most_divisions + 1):
             if level == len(self._levels):
                 self._levels.append(self._levels[-1].finer)
                 self._best.append(self._carry_to_level(level, self.fields).argmax(axis=1))
             points = points_of(self._levels[level], near_faces, self._best[level] == k)
-            if level < MOST_DIVISIONS and points.chord > self.tolerance:
+            if level < most_divisions and points.chord > self.tolerance:
                 continue
             tolerance = self.tolerance + of_chord * points.chord
             fit = fitted_surface(points.uv, points.Q, points.inside, points.weight, tolerance, first_poles, most_poles)
             if not fit.starved:
                 break
             first_poles = fit.size
-        return _chart_of_fit(points, fit, tolerance)
-
-
-def _chart_of_fit(points: SkinPoints, fit: SurfaceFit, tolerance: float) -> SkinChart:
-    lower, upper = fit.patch.coordinates(3, 6), fit.patch.coordinates(0, 3)
-    mean = SplinePatch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
-    return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)
+        lower, upper = fit.patch.coordinates(3, 6), fit.patch.coordinates(0, 3)
+        mean = SplinePatch(upper.u, upper.v, (upper.poles + lower.poles) / 2)
+        return SkinChart(points.origin, points.axes, upper, lower, mean, tolerance, points.steepest, fit.off)

@@ -1,16 +1,17 @@
 """Edges of smooth solids as curves on both skins: walls of the pattern, and seams between charts."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import NamedTuple, TypeVar
 
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
+from dsfab.export.cad.step.shared.sheet_outline import OutlineRun, SheetOutline
+from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.cad.step.smooth.charts import SkinChart
-from dsfab.export.cad.step.smooth.layout import OutlineRun, SheetOutline
-from dsfab.export.splines import Fitted, Spline, segment_spline, splines_through
+from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, splines_through
 
 
 @dataclass(eq=False)
@@ -20,8 +21,8 @@ class OutlineNodes:
     uv    : by chart, (n, 2), nan for vertices outside of it.
     steep : by chart, (n,) largest growth of lengths from the plane to the surface; 1 or more.
     around : by vertex, its charts.
-    at    : by vertex, (2, 3): upper and lower point; gap : largest distance of its charts' skins from these. Both hold
-            ends of runs, and vertices that `add` was called for.
+    at    : by vertex, (2, 3) upper and lower point, for ends of runs and for vertices that `add` was called for.
+    gap   : by vertex, largest distance of its charts' skins from these points.
     """
 
     charts: dict[int, SkinChart]
@@ -32,7 +33,7 @@ class OutlineNodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Add vertices (k,), each at the mean of the points on its charts."""
+        """Add vertices (k,), each at the mean of its points on its charts."""
         missing = [v for v in vertices.tolist() if v not in self.at]
         by_chart_number, positions = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in missing})
         for v in missing:
@@ -66,19 +67,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
 
 
 LEVEL_FACTORS = (1.0, 0.2, 0.04)
-"""Factors of the tolerance of a run: before, after one, and after two refusals."""
-
-OUTLINE_SHARE = 0.55
-"""Tolerance of outlines, as a share of the allowed distance."""
-
-SPACE_SHARE = 1 / 50
-"""Tolerance of curves on the skins, as a share of the thickness."""
-
-SAMPLE_FACTORS = (1, 4, 16)
-"""Factors of the number of samples on the skins; they are tried in turn until the curve is close enough."""
-
-LOOP_SHARE = 0.03
-"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
+"""Factors of the tolerance of a run: before any refusal, after one, and after two refusals."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,8 +91,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Least power of two that makes all knots whole numbers, because those are short; knots are repeated halves of
-        [0, 1]."""
+        """Least power of two that makes all knots whole numbers, because whole numbers are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -124,7 +112,8 @@ class EdgeTolerances:
 
     def in_space(self, run: OutlineRun, level: int) -> float:
         """Tolerance of the curves of a run in space."""
-        return LEVEL_FACTORS[level] * min(SPACE_SHARE * self.thickness, LOOP_SHARE * run.width)
+        share = 1 / 50  # share of the thickness
+        return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
 class RunRequest(NamedTuple):
@@ -141,7 +130,7 @@ class _RunPart(NamedTuple):
 
 
 def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTolerances) -> list[list[SmoothEdge]]:
-    """Fit the edges of all runs at once."""
+    """Fit the edges of all runs at once; return a list of edges for each run."""
     run_parts = _parts(requests, nodes, allowed)
     parts = [part for group in run_parts for part in group]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -159,7 +148,7 @@ def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float
     A skin may wave along a simple plane curve; then more samples are taken.
     """
     results, todo = dict[int, Fitted](), list(range(len(parts)))
-    for finer in SAMPLE_FACTORS:
+    for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
         flat = [parts[i].flat(places) for i, places in zip(todo, x, strict=True)]
         skin_points = by_chart([parts[i].asked.chart for i in todo], flat, lambda k, uv: nodes.charts[k].skins(uv))
@@ -175,9 +164,8 @@ def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeToleran
     curved_numbers = [i for i in range(len(requests)) if i not in results]
     samples = [even_samples(lines[i]) for i in curved_numbers]
     steep = [float(nodes.steep[requests[i].chart][requests[i].run.vertices].max()) for i in curved_numbers]
-    tolerances = [
-        allowed.outline(requests[i].run, s, requests[i].level) for i, s in zip(curved_numbers, steep, strict=True)
-    ]
+    curved = [requests[i] for i in curved_numbers]
+    tolerances = [allowed.outline(request.run, s, request.level) for request, s in zip(curved, steep, strict=True)]
     halves = dict[int, list[RunRequest]]()
     fits = splines_through(samples, tolerances)
     for i, (x, Q), tolerance, (flat, distance) in zip(curved_numbers, samples, tolerances, fits, strict=True):
@@ -194,11 +182,8 @@ def _parts(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeToleran
 def _halves(request: RunRequest, line: Floats, worst: float) -> list[RunRequest]:
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     position = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
-    run = request.run
-    return [
-        request._replace(run=OutlineRun(v, run.beyond, run.width))
-        for v in (run.vertices[: position + 1], run.vertices[position:])
-    ]
+    halves = request.run.vertices[: position + 1], request.run.vertices[position:]
+    return [request._replace(run=replace(request.run, vertices=vertices)) for vertices in halves]
 
 
 def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Floats], Floats]) -> list[Floats]:
@@ -211,19 +196,8 @@ def by_chart(charts: list[int], rows: list[Floats], function: Callable[[int, Flo
     return [results[i] for i in range(len(charts))]
 
 
-def even_samples(line: Floats) -> tuple[Floats, Floats]:
-    """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
-
-    The number of intervals is a power of two.
-    """
-    count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    x = np.arange(count + 1) / count
-    return x, np.stack([np.interp(x * length[-1], length, column) for column in line.T], axis=1)
-
-
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """(k,) many sample parameters in each span; finer : factor of their number."""
+    """(k,) sample parameters in each span of a curve; finer : factor of their number."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
@@ -238,7 +212,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def edge_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], distance: float, nodes: OutlineNodes, wall: bool
 ) -> SmoothEdge:
-    """Move the ends of curves onto their nodes."""
+    """Return an edge whose curves end exactly at the nodes of its run."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     poles = space.poles.copy()
     node_points = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -247,10 +221,6 @@ def edge_on_nodes(
     upper, lower = (Spline(space.knots, poles[:, i : i + 3], space.degree) for i in (0, 3))
     return SmoothEdge(start, end, upper, lower, flat, distance + moved, wall)
 
-
-SEAM_SHARE = 1 / 1000
-"""Tolerance of a seam in each of its two charts, as a share of the thickness; the gap at a seam is up to twice as
-wide."""
 
 T = TypeVar("T")
 
@@ -263,14 +233,11 @@ def seam_edges(
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
     of_edge = 0.05  # tolerance in space as a share of the mesh's edges; the place of a seam need not be exact
-    runs, charts = (
-        [request.run for request in requests],
-        [k for request in requests for k in (request.chart, request.run.beyond)],
-    )
-    tight = [LEVEL_FACTORS[request.level] * SEAM_SHARE * allowed.thickness for request in requests]
-    middle = _in_space(
-        [sheet.V[run.vertices] for run in runs], [LEVEL_FACTORS[request.level] * of_edge for request in requests]
-    )
+    of_thickness = 1 / 1000  # tolerance in both charts as a share of the thickness; the gap is up to twice as wide
+    runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
+    charts = [k for request in requests for k in (request.chart, request.run.beyond)]
+    tight = [factor * of_thickness * allowed.thickness for factor in factors]
+    middle = _in_space([sheet.V[run.vertices] for run in runs], [factor * of_edge for factor in factors])
     x = [parameters(curve) for curve in middle]
     points = _for_both_charts([curve(places) for curve, places in zip(middle, x, strict=True)])
     uv = by_chart(charts, points, lambda k, P: nodes.charts[k].middle.nearest(P, nodes.charts[k].projected(P)))
@@ -281,19 +248,12 @@ def seam_edges(
     x = [np.unique(np.concatenate([parameters(curve) for curve in pair])) for pair in flat]
     chart_points = [curve(places) for pair, places in zip(flat, x, strict=True) for curve in pair]
     sides = _pairs(by_chart(charts, chart_points, lambda k, uv: nodes.charts[k].skins(uv)))
-    fits = splines_through(
-        [(places, (request + other_side) / 2) for places, (request, other_side) in zip(x, sides, strict=True)],
-        tight,
-        parts=2,
-    )
-    gaps = [
-        distance + _largest_distance(request, other_side)
-        for (_, distance), (request, other_side) in zip(fits, sides, strict=True)
-    ]
+    fits = splines_through(list(zip(x, [(a + b) / 2 for a, b in sides], strict=True)), tight, parts=2)
+    gaps = [float(np.linalg.norm((a - b).reshape(-1, 2, 3), axis=2).max()) for a, b in sides]
     ways = [dict(zip(chart_pair, pair, strict=True)) for chart_pair, pair in zip(_pairs(charts), flat, strict=True)]
     return [
-        edge_on_nodes(run, space, by_chart_curves, gap, nodes, wall=False)
-        for run, (space, _), by_chart_curves, gap in zip(runs, fits, ways, gaps, strict=True)
+        edge_on_nodes(run, space, curves, distance + gap, nodes, wall=False)
+        for run, (space, distance), curves, gap in zip(runs, fits, ways, gaps, strict=True)
     ]
 
 
@@ -305,10 +265,6 @@ def _pairs(values: list[T]) -> list[tuple[T, T]]:
     return list(zip(values[::2], values[1::2], strict=True))
 
 
-def _largest_distance(points_a: Floats, points_b: Floats) -> float:
-    return float(np.linalg.norm((points_a - points_b).reshape(-1, 2, 3), axis=2).max())
-
-
 def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
     longest = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in lines]
     bent = [i for i, line in enumerate(lines) if len(line) > 2]
@@ -318,7 +274,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[RunKey, bool]:
-    """Return the key that both charts of a seam share, and True if this run has its direction."""
+    """Return the key that both charts of a seam share, and True if this run has the direction of the key."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

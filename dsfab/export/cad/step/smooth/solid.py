@@ -3,11 +3,12 @@
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import chain
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, plane_cross
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.entities import (
     DIGITS,
@@ -17,13 +18,14 @@ from dsfab.export.cad.step.entities import (
     closing,
     header,
     knot_text,
+    outward_polyhedron,
     planar_faces,
     references,
 )
 from dsfab.export.cad.step.file_size import simplified_part, usual_tolerance
 from dsfab.export.cad.step.flat_sheets import signed_loop_area
-from dsfab.export.cad.step.planar import Polyhedron, polyhedron
-from dsfab.export.cad.step.shared.skins import SmoothLimits
+from dsfab.export.cad.step.shared.sheet_outline import WALL, ChartRegion, OutlineRun, SheetOutline
+from dsfab.export.cad.step.shared.skins import SmoothLimits, decimals
 from dsfab.export.cad.step.smooth.charts import SkinChart, SplinePatch
 from dsfab.export.cad.step.smooth.edges import (
     EdgeTolerances,
@@ -36,16 +38,13 @@ from dsfab.export.cad.step.smooth.edges import (
     seam_edges,
     wall_edges,
 )
-from dsfab.export.cad.step.smooth.layout import WALL, ChartRegion, OutlineRun, SheetOutline
-from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.splines import Spline, segment_spline
 
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True marks an edge that runs
-    forwards."""
+    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True : the edge runs forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -55,8 +54,8 @@ class SmoothSkin:
 class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
 
-    traced : True if edges are written with their curves on skins and walls, too.
-    refused : reason why it is no single closed shell, or ''.
+    traced : True if edges are also written with their curves on skins and walls.
+    refused : reason why the piece is no single closed shell, or ''.
     """
 
     edges: list[SmoothEdge] = field(default_factory=list)
@@ -102,9 +101,8 @@ class PieceBuilder:
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
         for region in regions:
-            loops = [
-                tuple(step for run in loop for step in self._edges(result, seams, run, level)) for loop in region.loops
-            ]
+            steps = [[self._edges(result, seams, run, level) for run in loop] for loop in region.loops]
+            loops = [tuple(chain.from_iterable(loop)) for loop in steps]
             area = [signed_loop_area(_polygon(result, loop, region.chart)) for loop in loops]
             order = sorted(range(len(loops)), key=lambda i: -area[i])
             if not loops or sum(a > 0 for a in area) != 1:
@@ -121,13 +119,11 @@ class PieceBuilder:
             key, ahead = run_key(run)
             edge_key = key, level.get(key, 0)
             if edge_key not in self._made and edge_key not in seams:
-                directed_run = (
-                    run if run.beyond == WALL or ahead else OutlineRun(run.vertices[::-1], run.beyond, run.width)
-                )
-                (walls if run.beyond == WALL else seams)[edge_key] = RunRequest(directed_run, chart, edge_key[1])
+                if run.beyond != WALL and not ahead:
+                    run = replace(run, vertices=run.vertices[::-1])
+                (walls if run.beyond == WALL else seams)[edge_key] = RunRequest(run, chart, edge_key[1])
         if walls:
-            new_walls = wall_edges(list(walls.values()), self.nodes, self.allowed)
-            self._made |= dict(zip(walls, new_walls, strict=True))
+            self._made |= zip(walls, wall_edges(list(walls.values()), self.nodes, self.allowed), strict=True)
         if seams:
             new_seams = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
             self._made |= {edge_key: [edge] for edge_key, edge in zip(seams, new_seams, strict=True)}
@@ -154,7 +150,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
 
 
 ROUNDED = 1e-9
-"""A point lies on a chord if its distance from the chord is below this share of the chord's length."""
+"""Points nearer to a chord than this share of the chord's length lie on the chord."""
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -172,15 +168,14 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
     is_crossing = _lies_across(start, end, chord_a, chord_b) & _lies_across(start, end, chord_b, chord_a)
     places = np.stack([edge.upper(x[:-1]) for edge in edges]).reshape(-1, 3)
     ends = np.concatenate([edge.upper(x[[0, -1]]) for edge in edges])
-    return np.concatenate(
-        [places[np.unique(np.r_[chord_a[is_crossing], chord_b[is_crossing]])], ends[_twisted_ends(edges, skin)]]
-    )
+    crossing = np.unique(np.r_[chord_a[is_crossing], chord_b[is_crossing]])
+    return np.concatenate([places[crossing], ends[_twisted_ends(edges, skin)]])
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return ends 2 k and 2 k + 1 of edges k at sharp corners whose sides cross near the corner.
 
-    Chords at the corner do not show the crossing. The tangents show it in comparison with the middles of the edges.
+    Chords at the corner do not show the crossing. The tangents there turn the other way than vectors to the middles.
     """
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
@@ -192,15 +187,10 @@ def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(forwards))))
     end_tangents = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
     middle_vectors = into[:, 3] - middle[before], middle - out[:, 0]
-    sharp = np.einsum("ki,ki->k", *end_tangents) < -least_cosine * np.prod(
-        [np.linalg.norm(v, axis=1) for v in end_tangents], axis=0
-    )
-    bad = np.flatnonzero(sharp & (_turn(*end_tangents) * _turn(*middle_vectors) < 0))
+    long = np.prod([np.linalg.norm(v, axis=1) for v in end_tangents], axis=0)
+    sharp = np.einsum("ki,ki->k", *end_tangents) < -least_cosine * long
+    bad = np.flatnonzero(sharp & (plane_cross(*end_tangents) * plane_cross(*middle_vectors) < 0))
     return np.concatenate([2 * before[bad] + forwards[before[bad]], 2 * bad + ~forwards[bad]])
-
-
-def _turn(before: Floats, after: Floats) -> Floats:
-    return np.asarray(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
 
 
 def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
@@ -208,7 +198,7 @@ def _close_chords(start: Floats, end: Floats) -> tuple[Ints, Ints]:
     reach = long.max()
     chord_a, chord_b = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[chord_a] - middle[chord_b], axis=1)
-    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # crossing chords are near
+    is_close = apart <= (1 + ROUNDED) * (long[chord_a] + long[chord_b]) / 2  # only near chords can cross
     chord_a, chord_b = chord_a[is_close], chord_b[is_close]
     meet = np.zeros(len(chord_a), dtype=bool)
     for a in (start, end):
@@ -221,24 +211,16 @@ def _lies_across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
-    start_side, end_side = _turn(along, to) / long, _turn(along, past) / long
+    start_side, end_side = plane_cross(along, to) / long, plane_cross(along, past) / long
     return np.asarray((start_side * end_side < 0) & (np.minimum(np.abs(start_side), np.abs(end_side)) > ROUNDED * long))
 
 
-ROUNDING = 3e-5
-"""Largest rounding of coordinates, as a share of the thickness; at least 1e-6 mm."""
-
-SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
-"""Position of each side of a wall: where it starts, in lengths of the sides, and its direction."""
-
-
 class SmoothText:
-    """Writer of pieces after the entities of `new`."""
+    """Writer of pieces; it adds entities to `new`."""
 
     def __init__(self, entity_list: StepEntities, model: SmoothModel) -> None:
         self.new, self.model = entity_list, model
-        digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
-        self._points = partial(entity_list.points, digits=digits)
+        self._points = partial(entity_list.points, digits=decimals(model.thickness))
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:
@@ -248,9 +230,7 @@ class SmoothText:
         vertices = {v: [entity_list.vertex(p) for p in self._points(pair)] for v, pair in node_points.items()}
         edges, faces = list[tuple[int, int]](), list[int]()
         poles = [[list(self._points(line.poles)) for line in (edge.upper, edge.lower)] for edge in piece.edges]
-        surfaces = [
-            self._wall(edge, through) if edge.wall else 0 for edge, through in zip(piece.edges, poles, strict=True)
-        ]
+        surfaces = [self._wall(x, through) if x.wall else 0 for x, through in zip(piece.edges, poles, strict=True)]
         sides = dict[int, list[tuple[int, str, int]]]()
         for edge, wall in zip(piece.edges, surfaces, strict=True):
             if wall:
@@ -270,23 +250,18 @@ class SmoothText:
         return faces + [face for skin in piece.skins for face in self._skin_faces(skin, edges)]
 
     def _skin_faces(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
-        entity_list = self.new
-        kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
-        above = [
-            entity_list.wire([(edges[i][0], forwards) for i, forwards in loop], k)
-            for loop, k in zip(skin.loops, kinds, strict=True)
-        ]
-        below = [
-            entity_list.wire([(edges[i][1], not forwards) for i, forwards in reversed(loop)], k)
-            for loop, k in zip(skin.loops, kinds, strict=True)
-        ]
-        upper = entity_list.face(above, self._skin(skin.chart, True))
-        return upper, entity_list.face(below, self._skin(skin.chart, False), same_sense=False)
+        above = [[(edges[i][0], forwards) for i, forwards in loop] for loop in skin.loops]
+        below = [[(edges[i][1], not forwards) for i, forwards in reversed(loop)] for loop in skin.loops]
+        upper_wires, lower_wires = (
+            [self.new.wire(steps, "FACE_BOUND" if j else "FACE_OUTER_BOUND") for j, steps in enumerate(loops)]
+            for loops in (above, below)
+        )
+        upper = self.new.face(upper_wires, self._skin(skin.chart, True))
+        return upper, self.new.face(lower_wires, self._skin(skin.chart, False), same_sense=False)
 
     def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
         line = self._line(segment_spline(ends[1], ends[0]), 1)
-        wall_curves = [self._on_wall(*side) for side in sides]
-        return self._edge_curve(line, wall_curves, (vertices[1], vertices[0]))
+        return self._edge_curve(line, [self._on_wall(*side) for side in sides], (vertices[1], vertices[0]))
 
     def _edge(
         self, edge: SmoothEdge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
@@ -294,20 +269,17 @@ class SmoothText:
         surface_curves = [self.new.parameter_curve(self._skin(chart, above), curve) for chart, curve in flat.items()]
         if wall:
             surface_curves.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
-        return self._edge_curve(
-            self._curve(edge.upper if above else edge.lower, poles, edge.spans), surface_curves, ends
-        )
+        curve = self._curve(edge.upper if above else edge.lower, poles, edge.spans)
+        return self._edge_curve(curve, surface_curves, ends)
 
     def _edge_curve(self, line: int, surface_curves: list[int], ends: tuple[int, int]) -> int:
-        curve = (
-            self.new.add(f"SURFACE_CURVE('',#{line},{references(surface_curves)},.CURVE_3D.)")
-            if surface_curves
-            else line
-        )
-        return self.new.edge(*ends, curve)
+        if surface_curves:
+            line = self.new.add(f"SURFACE_CURVE('',#{line},{references(surface_curves)},.CURVE_3D.)")
+        return self.new.edge(*ends, line)
 
     def _on_wall(self, wall: int, side: str, spans: int) -> int:
-        u, v, along = SIDES[side]
+        u, v = int(side == "end"), int(side == "upper")
+        along = "(1.,0.)" if side in ("lower", "upper") else "(0.,1.)"
         start = self.new.once(f"CARTESIAN_POINT('',({u * spans}.,{v}.))")
         direction = self.new.once(f"DIRECTION('',{along})")
         vector = self.new.once(f"VECTOR('',#{direction},1.)")
@@ -344,10 +316,6 @@ def _knot_text_of_bytes(knots: bytes) -> KnotText:
     return knot_text(np.frombuffer(knots), digits)
 
 
-SKINS = "curved solid with spline skins"
-"""Description of the solid in the header of the file."""
-
-
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
     """Text of the file and its measured properties.
@@ -382,21 +350,21 @@ class SmoothPieceFile:
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
     """Encode pieces of layouts, with the name of the part, and the triangles of `rest` as planar faces."""
-    entity_list = StepEntities()
+    entity_list, about = StepEntities(), "curved solid with spline skins"
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name
     if rest is None:
-        return "".join(entity_list.file(pieces, name, SKINS))
+        return "".join(entity_list.file(pieces, name, about))
     shells, solids = np.repeat(np.arange(len(pieces)), [*map(len, pieces)]), [[i] for i in range(len(pieces))]
-    shape, rest_solids = _planar(rest)
+    shape, rest_solids = outward_polyhedron(rest)
     texts, numbers, free = planar_faces(shape, entity_list.free)
     solids += [[i + len(which) for i in shells_of_solid] for shells_of_solid in rest_solids]
     end = closing(np.r_[shells, shape.shell + len(which)], solids, np.concatenate([*pieces, numbers]), free, name)
-    return "".join([header(name, SKINS, len(solids)), *entity_list.text, *texts, *end])
+    return "".join([header(name, about, len(solids)), *entity_list.text, *texts, *end])
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return triangles (m, 3) of a part, simplified if possible."""
+    """Return a part of some triangles (m, 3), simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:
@@ -404,9 +372,3 @@ def rest_of(part: Part, F: Ints) -> Part:
         return without_collapsed(simple, np.round(simple.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
     except ExportError:
         return remainder
-
-
-def _planar(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    shell, solids = solids_of(part)
-    inward = np.isin(shell, [i for _, *inner in solids for i in inner])
-    return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids

@@ -76,8 +76,7 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Return True if every face becomes triangles; a few valid curved faces do not. Planar faces alone are not
-    tested."""
+    """Return True if every face becomes triangles, which OCCT fails to make of a few valid curved faces."""
     from OCP.BRepAdaptor import BRepAdaptor_Surface
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.GeomAbs import GeomAbs_SurfaceType

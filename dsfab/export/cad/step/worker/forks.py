@@ -1,4 +1,4 @@
-"""Work that this process shares with its forks. OCCT holds Python's lock, so threads would wait for each other."""
+"""Work that this process shares with a fork. Threads cannot share it, because OCCT holds Python's lock."""
 
 import ctypes
 import json
@@ -48,8 +48,7 @@ class ForkedWork:
 
 
 def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
-    """Return results of `work` for 0, 1 ... count - 1, shared with a fork: each process takes the next number when
-    it is free."""
+    """Return `work` of 0, 1 ... count - 1; this process and a fork each take the next number when free."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)

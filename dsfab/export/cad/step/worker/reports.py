@@ -5,7 +5,6 @@ import subprocess
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -52,8 +51,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
-    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, which is faster than reading the
-    file again.
+    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
 
     faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long.
     """
@@ -93,10 +91,9 @@ RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """OCCT's findings about a solid, see `pieces`. bad : (k, 3) ends of crossing edges; V, F : triangles of the solid;
-    mm.
+    """OCCT's findings about a solid, see `pieces`, millimetres. Triangles of different faces share no vertices.
 
-    Triangles of different faces share no vertices."""
+    bad : (k, 3) ends of crossing edges.    V, F : triangles of the solid."""
 
     valid: bool
     closed: bool
@@ -115,46 +112,29 @@ def occt() -> PreparedProgram:
     return PreparedProgram(occt_program.__file__)
 
 
-def findings(program: PreparedProgram, text: str, deflection: float, limit: float) -> list[OcctFinding]:
-    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
-
-    deflection : largest distance of the triangles from the solid, millimetres.
-    """
-    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "a.step"
-        path.write_text(text, encoding="ascii")
-        try:
-            records = _records(program, str(path), folder, deflection, limit)
-        except (subprocess.TimeoutExpired, ProgramError):
-            return []
-        return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
-
-
-def whole_findings(
+def findings(
     program: PreparedProgram,
     text: str,
     deflection: float,
     limit: float,
-    on_triangles: Callable[[StepMesh], None] = lambda mesh: None,
+    on_triangles: Callable[[StepMesh], None] | None = None,
 ) -> list[OcctFinding]:
-    """Return findings as from `findings`, for solids that are judged together; these findings contain no triangles.
+    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
 
-    If every face has triangles, `on_triangles` gets the triangles of all solids, as from `read_step`, while OCCT
-    continues. The file is read only once, which takes half of OCCT's time here.
+    deflection   : largest distance of the triangles from the solid, millimetres.
+    on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
+                   triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.
+                   OCCT then reads the file only once, which is half of OCCT's time.
     """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
+        look = (lambda: on_triangles(mesh_in(folder, {"deflection": deflection}))) if on_triangles else None
         try:
-            look = partial(_pass_triangles, folder, deflection, on_triangles)
             records = _records(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
             return []
-        return [_finding(record, Path(folder) / "none.stl") for record in records]
-
-
-def _pass_triangles(folder: str, deflection: float, on_triangles: Callable[[StepMesh], None]) -> None:
-    on_triangles(mesh_in(folder, {"deflection": deflection}))
+        return [_finding(record, Path(folder) / f"{i}.stl") for i, record in enumerate(records)]
 
 
 def _records(
@@ -165,7 +145,7 @@ def _records(
     limit: float,
     look: Callable[[], None] | None = None,
 ) -> list[dict[str, Any]]:
-    program.send("whole" if look else "pieces", path, folder, str(deflection))
+    program.send("pieces", path, folder, str(deflection), *(["whole"] if look else []))
     mesh_path = Path(folder) / "mesh.npz"
     line = program.answer_with_work(mesh_path.exists, look, limit) if look else program.answer(limit)
     return list(json.loads(line)["solids"])

@@ -17,10 +17,10 @@ DEFLECTION_SHARE = 1e-4
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
-    """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is one.
+    """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
 
     faces : a `.npy` file of face numbers to draw. Returns the number of solids and the deflection; raises ValueError if
-    OCCT cannot read the file.
+            OCCT cannot read the file.
     """
     shape = read(path)
     if path.suffix != ".bin":
@@ -31,10 +31,10 @@ def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: st
 
 
 def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
-    """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all; number of solids and deflection.
+    """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
 
     deflection : `DEFLECTION_SHARE` of the size if 0. Selected faces are drawn together, so that neighbours share the
-    points of their edges.
+                 points of their edges.
     """
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
@@ -53,8 +53,7 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a triangulated shape as `write_triangles` does, with its number of solids. `mesh.npz` appears last, and
-    only complete."""
+    """Write a triangulated shape as `write_triangles` does. `mesh.npz` appears last, and complete."""
     solids = parts(shape, "SOLID")
     faces = [face for solid in solids for face in faces_of(solid)]
     write_binary(shape, folder / "shape.bin")
@@ -84,7 +83,7 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
-    if not place.IsIdentity():  # moving takes as long as reading
+    if not place.IsIdentity():  # moving the nodes takes as long as reading them
         move = place.Transformation()
         nodes = (node.Transformed(move) for node in nodes)
     V = np.array([node.Coord() for node in nodes])

@@ -94,8 +94,7 @@ def sample(path: Path) -> dict[str, Any]:
 
 def _volume(shape: Any) -> float:
     # The adaptive rule was off by 4e-3 on a plate with 67 holes, which then seemed to lose volume at every cut.
-    accuracy = 1e-6
-    return gauss_kronrod_volume(shape, accuracy)
+    return gauss_kronrod_volume(shape, accuracy=1e-6)
 
 
 def _plain_volume(shape: Any) -> float:
@@ -108,16 +107,15 @@ def _plain_volume(shape: Any) -> float:
 
 
 class VolumeErrors(NamedTuple):
-    """Relative errors of the volume of two halves: `alone` if measured separately, and `together` if measured as one
-    shape.
+    """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
 
     `together` is measured only for `alone` between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for an invalid half.
 
     Where a plane cuts two trimmed faces, the outline of the section has a gap as wide as their distance. OCCT (8.0)
     integrates over a plane from a line beside the outline, so a gap counts with its length times its distance from that
-    line, and each solid has a line of its own. A section of a saddle of 5 m with gaps of 0.0065 mm missed 20.5 of
-    240,228 mm2. Its halves missed 1.9e-5 alone but 2.4e-10 together, where both sides of the section cancel; those of a
-    roof 3.3e-5 and 7e-8. A lost piece of skin would be missing in both measures.
+    line. Each half has its own line, so the errors of both halves differ, but they cancel in one shape. Halves of a
+    saddle of 5 m with gaps of 0.0065 mm missed 1.9e-5 alone and 2.4e-10 together. A lost piece of skin would be missing
+    in both measures.
     """
 
     alone: float
@@ -136,9 +134,9 @@ def _volume_errors(halves: list[Any], whole_volume: float) -> VolumeErrors:
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole_volume - 1)
-    return VolumeErrors(
-        alone, abs(_volume(compound(halves)) / whole_volume - 1) if TOGETHER_LIMIT < alone <= ALONE_LIMIT else alone
-    )
+    if not TOGETHER_LIMIT < alone <= ALONE_LIMIT:
+        return VolumeErrors(alone, alone)
+    return VolumeErrors(alone, abs(_volume(compound(halves)) / whole_volume - 1))
 
 
 def _cuts(shape: Any, box: list[float], whole_volume: float, cuts: int, every_cut: bool) -> Iterator[VolumeErrors]:
@@ -181,36 +179,27 @@ def _box(box: list[float]) -> Any:
 def _split(shape: Any, tool: Any) -> list[Any]:
     """Return the parts inside and outside of a tool, or [] if a part is invalid.
 
-    Both are cells of one subdivision. Two booleans on one filler gave equal volumes but took up to 1.4 times as long.
+    Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long.
     """
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 
-    shape_list, within, none, shape_and_tool = (List_TopoDS_Shape() for _ in range(4))
-    shape_list.Append(shape)
-    within.Append(tool)
-    shape_and_tool.Append(shape)
-    shape_and_tool.Append(tool)
+    only_shape, only_tool, none, all_shapes = (List_TopoDS_Shape() for _ in range(4))
+    for shape_list, item in ((only_shape, shape), (only_tool, tool), (all_shapes, shape), (all_shapes, tool)):
+        shape_list.Append(item)
     cells = BOPAlgo_CellsBuilder()
-    cells.SetArguments(shape_and_tool)
+    cells.SetArguments(all_shapes)
     cells.SetNonDestructive(True)
     cells.SetToFillHistory(False)
     cells.Perform()
     if cells.HasErrors():
         return []
     parts = []
-    for take, avoid in ((shape_and_tool, none), (shape_list, within)):
+    for take, avoid in ((all_shapes, none), (only_shape, only_tool)):
         cells.RemoveAllFromResult()
         cells.AddToResult(take, avoid)
         parts.append(cells.Shape())
     return parts if all(map(is_valid, parts)) else []
-
-
-def _largest_nearest_distance(points: Any) -> float:
-    from scipy.spatial import cKDTree
-
-    away: Any = cKDTree(points).query(points, k=2)[0]
-    return float(away[:, 1].max())
 
 
 def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> bool:
@@ -218,16 +207,20 @@ def _closed_section(shape: Any, box: list[float], plane: tuple[float, ...]) -> b
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopoDS import TopoDS
+    from scipy.spatial import cKDTree
 
     section = BRepAlgoAPI_Section(shape, _plane(box, plane)[0])
     if not section.IsDone():
         return False
-    ends = list[list[float]]()
+    ends: Any = []
     for edge in parts(section.Shape(), "EDGE"):
         for vertex in parts(edge, "VERTEX"):
             point = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([point.X(), point.Y(), point.Z()])
-    return bool(ends) and _largest_nearest_distance(ends) <= meet
+    if not ends:
+        return False
+    away: Any = cKDTree(ends).query(ends, k=2)[0]
+    return float(away[:, 1].max()) <= meet
 
 
 def _survives_rewriting(shape: Any, whole_volume: float) -> bool:
@@ -261,8 +254,7 @@ def _fillet_counts(shape: Any) -> tuple[int, int]:
 
 
 def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
-    """Return sharp edges from skin to skin with their lengths; the most frequent length of straight edges is the
-    thickness.
+    """Return sharp edges from skin to skin with their lengths: edges of the most frequent length of straight edges.
 
     Edges that continue other edges smoothly are pieces of rims, whose length may equal the thickness by chance."""
     from OCP.BRep import BRep_Tool
@@ -283,17 +275,13 @@ def _thickness_edges(shape: Any) -> list[tuple[Any, float]]:
         if len(adjacent) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
             straight.append((edge, length, adjacent))
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
-    sharp = [
-        candidate
-        for candidate in straight
-        if _turn(candidate[0], candidate[2]) >= SHARP and _ends_at_corners(candidate[0], edges)
-    ]
+    sharp = [x for x in straight if _turn(x[0], x[2]) >= SHARP and _ends_at_corners(x[0], edges)]
     usual = Counter(round(length, 1) for _, length, _ in sharp).most_common(1)
     return [(edge, length) for edge, length, _ in sharp if abs(length / usual[0][0] - 1) < 0.1]
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Return whether no edge at its ends continues a straight edge; edges : of the shape, by vertex."""
+    """Return True if no edge continues a straight edge at its ends; edges : of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp
@@ -301,10 +289,8 @@ def _ends_at_corners(edge: Any, edges: Any) -> bool:
 
     for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
         neighbours = (TopoDS.Edge(neighbour) for neighbour in edges.FindFromKey(vertex) if not neighbour.IsSame(edge))
-        direction, *directions = (
-            BRepAdaptor_Curve(end_edge).DN(BRep_Tool.Parameter_s(vertex, end_edge), 1)
-            for end_edge in (edge, *neighbours)
-        )
+        around = (edge, *neighbours)
+        direction, *directions = (BRepAdaptor_Curve(x).DN(BRep_Tool.Parameter_s(vertex, x), 1) for x in around)
         if any(abs(direction.Dot(w)) > SMOOTH * direction.Magnitude() * w.Magnitude() for w in directions):
             return False
     return True

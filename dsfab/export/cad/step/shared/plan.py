@@ -1,0 +1,155 @@
+"""Plan for the curved solid of a part: the sheet, the limits, and the mesh that the solid must follow."""
+
+from collections.abc import Container
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step.shared.sheet_outline import SheetOutline, sheet_of
+from dsfab.export.cad.step.shared.skins import SmoothLimits, prisms, smooth_limits
+from dsfab.export.mesh.soundness import solids_of
+from dsfab.export.part import Part
+from dsfab.surface import nearest_places
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import corners_of
+
+
+class MeshDistances(NamedTuple):
+    """Distances from the mesh or back: the largest, the one with the largest excess, its limit, and bad places."""
+
+    most: float
+    worst: float
+    allowed: float
+    bad: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class MeshSolids:
+    """Solids in the mesh of a part, millimetres."""
+
+    part: Part
+
+    @cached_property
+    def _shells(self) -> tuple[Ints, list[list[int]]]:
+        return solids_of(self.part)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.part.V)
+
+    def distances(self, points: Floats) -> Floats:
+        """(k,) distances of points (k, 3) from all triangles."""
+        P, V, F = (np.ascontiguousarray(x) for x in (points, self.part.V, self.part.F))
+        return np.asarray(np.sqrt(self._triangles.squared_distance(V, F, P)[0]))
+
+    @cached_property
+    def _triangles(self) -> igl.AABB:
+        tree = igl.AABB()
+        tree.init(np.ascontiguousarray(self.part.V), np.ascontiguousarray(self.part.F))
+        return tree
+
+    def solids_at(self, points: Floats) -> Ints:
+        """Return (k,) the solid of the vertex nearest to each point."""
+        shell, solids = self._shells
+        vertex_shell = np.full(len(self.part.V), -1)
+        vertex_shell[self.part.F] = shell[:, None]
+        shell_solid = np.empty(int(shell.max()) + 1, dtype=np.int64)
+        for i, shells in enumerate(solids):
+            shell_solid[shells] = i
+        return np.asarray(shell_solid[vertex_shell[self._tree.query(points)[1]]])
+
+    def faces(self, selected: Container[int]) -> Ints:
+        """(m, 3) triangles of the chosen solids."""
+        shell, solids = self._shells
+        shells = [k for i, solid_shells in enumerate(solids) if i in selected for k in solid_shells]
+        return np.asarray(self.part.F[np.isin(shell, shells)])
+
+    @property
+    def count(self) -> int:
+        """Number of solids."""
+        return len(self._shells[1])
+
+
+@dataclass(frozen=True, eq=False)
+class PieceJudge:
+    """Comparison of the pieces of a sheet with the solids of a part, millimetres."""
+
+    solids: MeshSolids
+    sheet: SheetOutline
+    limits: SmoothLimits
+
+    @cached_property
+    def solid(self) -> Ints:
+        """(p,) solid of the mesh for each piece: the solid of the nearest vertex."""
+        sample_vertices = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
+        return self.solids.solids_at((self.sheet.V + self.sheet.D)[sample_vertices])
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """(p,) volume of each piece in the mesh, cubic millimetres: sum of the prisms between the skins."""
+        return self._sum(np.ones(len(self.sheet.F)))
+
+    @cached_property
+    def excess_volumes(self) -> Floats:
+        """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
+        sheet = self.sheet
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search from points on a skin takes half of the time
+        share = self.limits.rounder[self.limits.nearest(upper)]
+        return np.maximum(self._sum(share) / self.volumes, 0.0)
+
+    def _sum(self, share: Floats) -> Floats:
+        sheet = self.sheet
+        volumes = share * prisms(sheet.V, sheet.D, sheet.F)
+        return np.asarray(np.bincount(sheet.piece, volumes, sheet.count), dtype=np.float64)
+
+    def distances(self, V: Floats, F: Ints) -> tuple[MeshDistances, MeshDistances]:
+        """Return distances of the triangles V (n, 3), F (m, 3) of all solids from the part's triangles, and back."""
+        part = self.solids.part
+        return self.farthest(V, F, part.V, part.F), self.farthest(part.V, part.F, V, F)
+
+    def excess_distances(self, points: Floats) -> Floats:
+        """(k,) excess of points (k, 3) over their allowed distance from the mesh; negative for near points."""
+        away = self.solids.distances(points)
+        is_far = away > self.limits.distance / 2  # near points need no local limit
+        away[is_far] -= self.limits.allowed_distances(points[is_far])
+        away[~is_far] -= self.limits.distance
+        return away
+
+    def farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> MeshDistances:
+        """Return distances of the triangles V (n, 3), F (m, 3) from the triangles V2, F2."""
+        corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
+        points = np.concatenate([V[corners], V[F].mean(axis=1)])
+        away = nearest_places(points, V2, F2).distance
+        far_points = points[away > self.limits.distance]  # near points need no local limit
+        if not len(far_points):
+            return MeshDistances(float(away.max()), float(away.max()), self.limits.distance, far_points)
+        far_distances, allowed = away[away > self.limits.distance], self.limits.allowed_distances(far_points)
+        bad, k = far_points[far_distances > allowed], int((far_distances - allowed).argmax())
+        return MeshDistances(float(away.max()), float(far_distances[k]), float(allowed[k]), bad)
+
+
+class SolidPlan:
+    """Plan for a part's curved solid; raises ExportError if its sheet is unknown."""
+
+    def __init__(self, part: Part) -> None:
+        if part.curved is None:
+            raise ExportError("smooth STEP needs the sheet, and only its solid is known")
+        self.curved, self.solids = part.curved(), MeshSolids(part)
+        self.surface = Surface(self.curved.V, self.curved.F)
+        self.limits = smooth_limits(self.surface, self.curved, part.tolerance)
+
+    @cached_property
+    def whole(self) -> SheetOutline:
+        """The sheet in a single chart."""
+        return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
+
+    @cached_property
+    def gate(self) -> PieceJudge:
+        """Comparison of undivided pieces with the mesh."""
+        return PieceJudge(self.solids, self.whole, self.limits)
