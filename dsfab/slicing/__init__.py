@@ -14,7 +14,7 @@ from dsfab.slicing.finishing.least_widths import (
     with_least_widths,
 )
 from dsfab.slicing.finishing.mesh_quality import improve_cells
-from dsfab.slicing.finishing.openings import Merging, Openings, filled_crumbs, filled_openings, filled_slits
+from dsfab.slicing.finishing.openings import Merging, filled_crumbs, filled_openings, filled_slits, openings_of
 from dsfab.slicing.finishing.point_contacts import PinchResult, resolve_pinches
 from dsfab.slicing.finishing.spikes import without_spikes
 from dsfab.slicing.measures.chart import Chart, chart_of
@@ -26,7 +26,6 @@ __all__ = [
     "LeastWidths",
     "LineHalving",
     "Merging",
-    "Openings",
     "Overlay",
     "PinchResult",
     "PolygonMesh",
@@ -47,6 +46,7 @@ __all__ = [
     "halve_lines",
     "improve_cells",
     "material_area",
+    "openings_of",
     "resolve_pinches",
     "sheet_of",
     "stripe_overlay",

@@ -1,7 +1,7 @@
-"""`cut`: a surface cut exactly along level lines of linear fields, and `Recut` for cells that are cut again."""
+"""`cut`: a surface cut exactly along level lines of linear fields, and the cells of a sheet cut again."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -201,52 +201,45 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     return distinct
 
 
-@dataclass(frozen=True, eq=False)
-class Recut:
-    """Cells (k,) of a sheet and their vertices (v,), both ascending, and the same cells as a mesh of polygons."""
+def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
+    """Return cells (k,) of a sheet and their neighbours, which get new vertices on their sides, as polygons to cut.
 
-    sheet: Sheet
-    cells: Ints
-    vertices: Ints
-    mesh: PolygonMesh
+    Returns also the cell (c,) of each polygon, ascending. Vertices keep their order.
+    """
+    surface = sheet.surface
+    selected = np.zeros(surface.m, dtype=bool)
+    selected[cells] = True
+    cell_a, cell_b = surface.edges.pairs.T // 3
+    touching = selected[cell_a] | selected[cell_b]
+    selected[cell_a[touching]] = selected[cell_b[touching]] = True
+    source = np.flatnonzero(selected)
+    vertices, F = np.unique(surface.F[source], return_inverse=True)
+    triangles, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
+    weights, parent, family = sheet.weights[vertices], sheet.parent[source], sheet.family[source]
+    return PolygonMesh.from_cells(F, triangles, X, weights, parent, family), source
 
-    @classmethod
-    def from_cells(cls, sheet: Sheet, cells: Ints) -> "Recut":
-        """Take cells (k,) of a sheet and their neighbours, which get new vertices on their sides."""
-        surface = sheet.surface
-        selected = np.zeros(surface.m, dtype=bool)
-        selected[cells] = True
-        cell_a, cell_b = surface.edges.pairs.T // 3
-        touching = selected[cell_a] | selected[cell_b]
-        selected[cell_a[touching]] = selected[cell_b[touching]] = True
-        which = np.flatnonzero(selected)
-        vertices, F = np.unique(surface.F[which], return_inverse=True)
-        triangles, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
-        mesh = PolygonMesh.from_cells(
-            F, triangles, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which]
-        )
-        return cls(sheet, which, vertices, mesh)
 
-    def merged_sheet(self, mesh: PolygonMesh, source: Ints) -> Sheet:
-        """Return the whole sheet, in order, with these cells replaced by the polygons of `mesh`.
+def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
+    """Return a sheet with the cells of `recut_polygons` replaced by divided polygons.
 
-        source : (c,) the row in `cells` of each polygon.
-        """
-        sheet, surface, new_count = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
-        number = np.concatenate([self.vertices, surface.n + np.arange(new_count)])
-        stay = np.ones(surface.m, dtype=bool)
-        stay[self.cells] = False
-        unchanged = np.flatnonzero(stay)
-        start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
-        cells = Cells(start, np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]]))
-        source_cell = np.concatenate([unchanged, self.cells[source]])
-        order = sorted_order(source_cell)
-        X = np.concatenate([surface.V, mesh.X[len(self.vertices) :]])
-        weights = csr_array(vstack([sheet.weights, mesh.weights[len(self.vertices) :]], format="csr"))
-        cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
-        family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
-        cut_surface, cell = filled_polygons(cells, X, parent)
-        return Sheet(cut_surface, parent[cell], family[cell], weights)
+    source : (c,) the cell of the sheet that each polygon is a part of.
+    """
+    surface = sheet.surface
+    stay = np.ones(surface.m, dtype=bool)
+    stay[source] = False
+    unchanged, vertices = np.flatnonzero(stay), np.unique(surface.F[~stay])
+    new_count = len(mesh.X) - len(vertices)
+    number = np.concatenate([vertices, surface.n + np.arange(new_count)])
+    start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
+    cells = Cells(start, np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]]))
+    source_cell = np.concatenate([unchanged, source])
+    order = sorted_order(source_cell)
+    X = np.concatenate([surface.V, mesh.X[len(vertices) :]])
+    weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
+    cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
+    family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
+    cut_surface, cell = filled_polygons(cells, X, parent)
+    return Sheet(cut_surface, parent[cell], family[cell], weights)
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:

@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lock, sorted_order
 from dsfab.slicing.cutting.cells import Cells
-from dsfab.slicing.cutting.sheet import VOID
+from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Split
 from dsfab.surface import Surface
 from dsfab.surface.fields import DividedSurface
@@ -45,6 +45,12 @@ class PolygonMesh:
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
         return cls.from_cells(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+
+    @classmethod
+    def from_sheet(cls, sheet: Sheet) -> Self:
+        """Return the cells of a sheet as polygons."""
+        F = sheet.surface.F
+        return cls.from_cells(F, Cells.triangles(F), sheet.surface.V, sheet.weights, sheet.parent, sheet.family)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:

@@ -1,15 +1,16 @@
-"""`Sheet`: a surface cut into material and void, and parts of it as surfaces of their own."""
+"""`Sheet`: a surface cut into material and void cells, and parts of it as surfaces of their own."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import PatternError
-from dsfab.surface import Surface, spanned_edges
+from dsfab.slicing.cutting.walls import Walls
+from dsfab.surface import Surface, pieces, spanned_edges
 
 if TYPE_CHECKING:
     import compas.datastructures
@@ -22,6 +23,45 @@ VOID = -1
 
 ON_SIMPLEX = 1 - 1e-9
 """Least interpolated value of a 0/1 field at a point that lies between marked vertices only."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetPart:
+    """Cells of a cut surface as a surface of their own.
+
+    whole   : the cut surface.    surface : the part, with k vertices.
+    cells, vertices : (f,), (k,) the indices of its cells and vertices in `whole`, ascending.
+    """
+
+    whole: Surface
+    surface: Surface
+    cells: Ints
+    vertices: Ints
+
+    @classmethod
+    def from_cells(cls, whole: Surface, mask: Bools) -> Self:
+        """Return the marked cells (m',) of a cut surface, which must be at least one."""
+        F, used = whole.F[mask], np.zeros(whole.n, dtype=bool)
+        used[F] = True
+        surface = Surface(whole.V[used], (np.cumsum(used) - 1)[F])
+        return cls(whole, surface, np.flatnonzero(mask), np.flatnonzero(used))
+
+    @cached_property
+    def whole_edges(self) -> Ints:
+        """(e,) the edge of `whole` at each edge of the part."""
+        edges = np.empty(len(self.surface.edges.ends), dtype=np.int64)
+        edges[self.surface.edges.of] = self.whole.edges.of[self.cells]
+        return edges
+
+    @cached_property
+    def walls(self) -> Bools:
+        """(e,) mask of the boundary edges of the part that lie inside `whole`."""
+        return np.asarray(self.surface.edges.boundary & ~self.whole.edges.boundary[self.whole_edges])
+
+    @cached_property
+    def pieces(self) -> tuple[int, Ints]:
+        """The number of connected pieces, and the piece (f,) of each cell."""
+        return pieces(self.surface.F, self.surface.edges)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +108,7 @@ class Sheet:
         """The cells as a COMPAS mesh, metres; raises SurfaceError if compas is not installed."""
         return self.surface.to_compas()
 
-    @property
+    @cached_property
     def material(self) -> Bools:
         """(m',) mask of the material cells."""
         return np.asarray(self.family != VOID)
@@ -80,13 +120,19 @@ class Sheet:
         return bool(material.any() and not material.all())
 
     @cached_property
-    def void_neighbours(self) -> Ints:
-        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
-        side_a, side_b = self.surface.edges.pairs.T
-        inner = ~(self.material[side_a // 3] | self.material[side_b // 3])
-        cell = np.full(3 * self.surface.m, -1)
-        cell[side_a[inner]], cell[side_b[inner]] = side_b[inner] // 3, side_a[inner] // 3
-        return cell.reshape(-1, 3)
+    def material_part(self) -> SheetPart:
+        """The material cells, which must be at least one."""
+        return SheetPart.from_cells(self.surface, self.material)
+
+    @cached_property
+    def void_part(self) -> SheetPart:
+        """The void cells, which must be at least one."""
+        return SheetPart.from_cells(self.surface, ~self.material)
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The edges between material and void, as chains around the openings."""
+        return Walls.from_cells(self.surface, ~self.material)
 
     def carry(self, x: Floats) -> Floats:
         """Interpolate values x (n, ...) on the uncut surface's vertices linearly to this sheet's (n', ...)."""
@@ -140,26 +186,21 @@ class Sheet:
 
         Raises PatternError if no cell is marked.
         """
-        return self._material_sheet if mask is None else self._subset(mask)
+        return self._material_sheet if mask is None else self._part_sheet(mask)
 
     @cached_property
     def _material_sheet(self) -> "Sheet":
-        return self._subset(self.material)
+        return self._part_sheet(self.material)
 
-    def _subset(self, mask: Bools) -> "Sheet":
+    def _part_sheet(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
                 f"none of the {self.surface.m} cells is kept: there is nothing to build; "
                 "lower the threshold or raise the frequency"
             )
-        F = self.surface.F[np.flatnonzero(mask)]
-        used = np.zeros(self.surface.n, dtype=bool)
-        used[F] = True
-        vertices = np.flatnonzero(used)
-        surface = Surface(self.surface.V[vertices], (np.cumsum(used) - 1)[F])
-        return replace(
-            self, surface=surface, parent=self.parent[mask], family=self.family[mask], weights=self.weights[vertices]
-        )
+        part = self.material_part if mask is self.material else SheetPart.from_cells(self.surface, mask)
+        weights = self.weights[part.vertices]
+        return replace(self, surface=part.surface, parent=self.parent[mask], family=self.family[mask], weights=weights)
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
@@ -170,26 +211,6 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
     column, value = np.zeros((len(count), 3), dtype=np.int64), np.zeros((len(count), 3))
     column[row, place], value[row, place] = weights.indices, weights.data
     return column, value
-
-
-def face_subset(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
-    """Return the marked faces as a surface, and their indices in `surface`."""
-    F, used = surface.F[mask], np.zeros(surface.n, dtype=bool)
-    used[F] = True
-    number = np.cumsum(used) - 1
-    return Surface(surface.V[used], number[F]), np.flatnonzero(mask)
-
-
-def parent_edges(part: Surface, surface: Surface, faces: Ints) -> Ints:
-    """(e,) the edges of the surface that are the edges of a part; `faces` (f,) are the indices of the part's faces."""
-    edges = np.empty(len(part.edges.ends), dtype=np.int64)
-    edges[part.edges.of] = surface.edges.of[faces]
-    return edges
-
-
-def inner_walls(void: Surface, surface: Surface, faces: Ints) -> Bools:
-    """(e,) mask of the boundary edges of a part that lie inside the surface."""
-    return np.asarray(void.edges.boundary & ~surface.edges.boundary[parent_edges(void, surface, faces)])
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:

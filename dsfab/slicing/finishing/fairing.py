@@ -10,8 +10,8 @@ from scipy.sparse.linalg import spsolve
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.slicing.cutting.sheet import Sheet, weight_entries
+from dsfab.slicing.cutting.walls import Walls
 from dsfab.slicing.finishing.mesh_quality import independent
-from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 
 CORNER = float(np.radians(25))
@@ -45,22 +45,16 @@ def faired_walls(sheet: Sheet) -> Sheet:
     number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in
     their uncut faces; vertices of the uncut surface stay where they are.
     """
-    walls = Walls.from_sheet(sheet)
-    if not len(walls.start):
-        return sheet
-    free = _freedom(sheet, walls)
+    walls = sheet.walls
+    vertex = np.unique(np.concatenate([walls.start, walls.end]))
+    free = freedom(sheet, vertex, sheet.weights[vertex])
     if not len(free.vertex):
         return sheet
-    step = _fair_steps(sheet, walls, free)
+    step = _fair_steps(sheet, free)
     move = np.einsum("kj,kji->ki", step, free.along)
     length = np.linalg.norm(move, axis=1)
     step = step * np.minimum(1.0, free.most / np.maximum(length, 1e-300))[:, None]
     return _move_vertices(sheet, free, step)
-
-
-def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
-    vertex = np.unique(np.concatenate([walls.start, walls.end]))
-    return freedom(sheet, vertex, sheet.weights[vertex])
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
@@ -91,13 +85,13 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     return Freedom(vertex[movable], along, share, column[movable], 0.1 * length)
 
 
-def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
+def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
     """(k, 2) metres along the directions of the vertices that make walls fair."""
-    n = sheet.surface.n
+    n, walls = sheet.surface.n, sheet.walls
     place = np.full(n, -1)
     place[free.vertex] = np.arange(len(free.vertex))
     corner = np.zeros(n, dtype=bool)
-    corner[walls.start[np.abs(walls.turns(sheet)) > CORNER]] = True
+    corner[walls.start[np.abs(walls.turns) > CORNER]] = True
     segment = (walls.total / np.diff(walls.begin))[walls.chain]
     all_walls = np.arange(len(walls.start))
     (before, has_previous), (after, has_next) = (
@@ -107,7 +101,7 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
     wall_vertices = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
     bends = has_previous & ~corner[walls.start]
     changes = bends & has_next & ~corner[walls.end] & (wall_vertices[:, 0] != wall_vertices[:, 3])
-    side = _lateral(sheet, walls, wall_vertices)
+    side = _lateral(sheet, wall_vertices)
     rows, right_side = list[csr_array](), list[Floats]()
     for used, points, order, size in (
         (changes, wall_vertices, 3, REACH * segment),
@@ -129,9 +123,9 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
 
-def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
+def _lateral(sheet: Sheet, p: Ints) -> Floats:
     normals, V = sheet.surface.normals, sheet.surface.V
-    up = normals[walls.inside // 3] + normals[walls.outside // 3]
+    up = normals[sheet.walls.void_cells] + normals[sheet.walls.material_cells]
     across = np.cross(up, V[p[:, 3]] - V[p[:, 0]])
     flat = np.cross(up, V[p[:, 2]] - V[p[:, 1]])
     size, flat_size = (np.linalg.norm(vectors, axis=1)[:, None] for vectors in (across, flat))
@@ -210,19 +204,18 @@ def divided_walls(sheet: Sheet) -> Sheet:
     face, and corners stay sharp.
     """
     for _ in range(3):  # each round about halves the turns
-        walls = Walls.from_sheet(sheet)
-        division = _division(sheet, walls)
+        division = _division(sheet)
         if not len(division.wall):
             break
-        sheet = _divide_walls(sheet, walls, division)
+        sheet = _divide_walls(sheet, division)
     return sheet
 
 
-def _bows(sheet: Sheet, walls: Walls) -> Floats:
+def _bows(walls: Walls) -> Floats:
     """(w,) distance of the curve through each wall's ends from its middle, to the right, metres; 0 under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
-    turn, all_walls = walls.turns(sheet), np.arange(len(walls.start))
+    turn, all_walls = walls.turns, np.arange(len(walls.start))
     (before, has_previous), (after, has_next) = (
         walls.walls_ahead(all_walls, np.full(len(all_walls), k)) for k in (-1, 1)
     )
@@ -235,11 +228,11 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
     return np.asarray(np.where(bent, mean * walls.length**2 / 8, 0.0))
 
 
-def _division(sheet: Sheet, walls: Walls) -> Division:
+def _division(sheet: Sheet) -> Division:
     """The walls to divide next; of two walls at one cell, the wall with the larger bow."""
-    bow = _bows(sheet, walls)
-    void_cell, material_cell = walls.inside // 3, walls.outside // 3
-    wall = np.flatnonzero((bow != 0) & (sheet.parent[void_cell] == sheet.parent[material_cell]))
+    walls = sheet.walls
+    bow = _bows(walls)
+    wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))
     wall = wall[np.argsort(-np.abs(bow[wall]), kind="stable")]
     middle = csr_array(0.5 * (sheet.weights[walls.start[wall]] + sheet.weights[walls.end[wall]]))
     free = freedom(sheet, np.arange(len(wall)), middle)
@@ -247,7 +240,7 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     wall, middle, along, share = wall[free.vertex], middle[free.vertex], free.along, free.share
     V = sheet.surface.V
     a, b = V[walls.start[wall]], V[walls.end[wall]]
-    left_normal = np.cross(sheet.surface.normals[void_cell[wall]], b - a) / walls.length[wall][:, None]
+    left_normal = np.cross(sheet.surface.normals[walls.void_cells[wall]], b - a) / walls.length[wall][:, None]
     step = -bow[wall][:, None] * np.einsum("kji,ki->kj", along, left_normal)
     row = np.repeat(np.arange(len(wall)), 3)
     change = (np.einsum("kj,kjc->kc", step, share).ravel(), (row, free.column.ravel()))
@@ -255,13 +248,13 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     division = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
     least_weight = np.full(len(wall), np.inf)
     np.minimum.at(least_weight, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _independent_divisions(sheet, walls, division.subset(face & (least_weight > 1e-3)))
+    return _independent_divisions(sheet, division.subset(face & (least_weight > 1e-3)))
 
 
-def _independent_divisions(sheet: Sheet, walls: Walls, division: Division) -> Division:
-    division = division.subset(_keeps_angles(sheet, walls, division))
-    rank = np.arange(len(division.wall))
-    cells = np.concatenate([walls.inside[division.wall], walls.outside[division.wall]]) // 3
+def _independent_divisions(sheet: Sheet, division: Division) -> Division:
+    division = division.subset(_keeps_angles(sheet, division))
+    rank, walls = np.arange(len(division.wall)), sheet.walls
+    cells = np.concatenate([walls.void_cells[division.wall], walls.material_cells[division.wall]])
     return division.subset(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
 
 
@@ -272,12 +265,12 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
     return np.stack([a, new_vertex, c], axis=1), np.stack([new_vertex, b, c], axis=1)
 
 
-def _keeps_angles(sheet: Sheet, walls: Walls, division: Division) -> Bools:
+def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
     """(k,) True if the four cells at a new vertex keep half of their smallest angle, or 2 degrees."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)
-    for h in (walls.inside[division.wall], walls.outside[division.wall]):
+    for h in (sheet.walls.inside[division.wall], sheet.walls.outside[division.wall]):
         normals = surface.normals[h // 3]
         least = 0.5 * np.minimum(4.0, least_angles(surface.V[surface.F[h // 3]], normals))
         for F in _halves(sheet, h, number):
@@ -285,11 +278,11 @@ def _keeps_angles(sheet: Sheet, walls: Walls, division: Division) -> Bools:
     return accepted
 
 
-def _divide_walls(sheet: Sheet, walls: Walls, division: Division) -> Sheet:
+def _divide_walls(sheet: Sheet, division: Division) -> Sheet:
     surface = sheet.surface
     number = surface.n + np.arange(len(division.wall))
     F, rows, source_cells = surface.F.copy(), list[Ints](), list[Ints]()
-    for h in (walls.inside[division.wall], walls.outside[division.wall]):
+    for h in (sheet.walls.inside[division.wall], sheet.walls.outside[division.wall]):
         front, back = _halves(sheet, h, number)
         F[h // 3] = front
         rows.append(back)

@@ -7,14 +7,14 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import PatternError
-from dsfab.slicing.cutting.cut import Recut
+from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.finishing.flat_openings import FlatOpenings, nearest_in_plane
+from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
+from dsfab.slicing.finishing.flat_openings import FlatOpenings, flat_openings_of, nearest_in_plane
 from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs, unit
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, next_in_chains
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class DiscStops:
         return DiscStops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
+def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and arcs (p,).
 
     Arcs are in the frames of the corners, and no arc overlaps another arc. Discs that stop at one wall, or touch no
@@ -47,32 +47,30 @@ def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iter
     in space, are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest
     vertices, because on a curved surface only one of them may see the arc. The second result leaves out `taken`
     stretches."""
-    flat = FlatOpenings.from_sheet(corners.sheet, corners.walls)
+    flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
         stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
-        walls = corners.walls
         for tip in tips:
             wall, free = flat.wall[tip], np.ones(len(tip), dtype=bool)
             for stretches in taken:
                 free &= ~stretches.covers(walls.chain[wall], walls.place[wall])
-            yield _arcs_in_planes(corners, flat, stop.subset(free), tip[free], radius)
+            yield _arcs_in_planes(walls, flat, stop.subset(free), tip[free], radius)
 
 
 def _arcs_in_planes(
-    corners: Corners, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
+    walls: Walls, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
 ) -> tuple[Corners, Arcs]:
     """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
-    walls, V = corners.walls, corners.sheet.surface.V
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
     total, tip_place, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
     way_a = (tip_place - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
     way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - tip_place) % total
-    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), tip_place)
+    tips = Corners(walls, wall, np.zeros(len(wall)), tip_place)
 
     def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
         """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
-        foot = walls.points(V, w, share) - tips.origin
+        foot = walls.points(w, share) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
         return p, unit(n)
@@ -202,14 +200,13 @@ class Fillets:
         return cls(**columns, pair=pair)
 
 
-def fitting_fillets(corners: Corners, radius: float) -> Fillets:
-    """Return arcs for all corners: first where a disc of that radius stops, then smaller arcs that fit between the
-    walls.
+def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
+    """Return arcs for corners of openings: first where a disc of a radius (metres) stops, then smaller arcs elsewhere.
 
-    Corners without a fitting arc are left out.
+    Corners without room for an arc are left out.
     """
-    accepted, taken = list[Fillets](), list[Stretches]()
-    for tips, arcs in rolled_arcs(corners, radius, taken):
+    corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
+    for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
             for earlier in taken:
                 free = ~tips.stretches(arcs).overlaps(earlier, len(tips.first))
@@ -237,11 +234,11 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
     """Chords in space for arcs at corners, and a mask of arcs with neither another wall nor an end beyond them."""
-    surface, walls, void_neighbours = corners.sheet.surface, corners.walls, corners.sheet.void_neighbours
+    walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
     distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[corner_rows])
-    arc, cell = np.arange(len(corner_rows)), walls.inside[corners.first[corner_rows]] // 3
+    arc, cell = np.arange(len(corner_rows)), walls.void_cells[corners.first[corner_rows]]
     ray, ray_distance = np.zeros((len(corner_rows), 2, 3)), np.ones((len(corner_rows), 2))
     if rays:
         flat, ray_distance = arcs.rays()
@@ -280,7 +277,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
     At a fold the void may turn back under itself and lie beyond a chord again. Without this test an arc would fill the
     opening all along the fold.
     """
-    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
     def beyond_reach(arc: Ints, X: Floats) -> Bools:
@@ -323,21 +320,20 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
-    corners = Corners.from_sheet(sheet)
-    if not len(corners.walls.start):
+    if not len(sheet.walls.start):
         return sheet, np.empty(0)
-    fillets = fitting_fillets(corners, radius)
+    fillets = fitting_fillets(sheet, radius)
     while fillets.count:
-        rounded = _with_fillets(corners, fillets)
-        clear = _clear_of_points(corners, fillets, rounded.surface.V[pinched_vertices(rounded)])
+        rounded = _with_fillets(sheet, fillets)
+        clear = _clear_of_points(sheet, fillets, rounded.surface.V[pinched_vertices(rounded)])
         if clear.all():
             return rounded, fillets.radius
         fillets = fillets.subset(clear)
     return sheet, np.empty(0)
 
 
-def _clear_of_points(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
-    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+def _clear_of_points(sheet: Sheet, fillets: Fillets, X: Floats) -> Bools:
+    surface, (arc, cell) = sheet.surface, fillets.pair.T
     box, margin = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
     clear = np.ones(fillets.count, dtype=bool)
     for x in X:
@@ -345,22 +341,20 @@ def _clear_of_points(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
     return clear
 
 
-def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
-    sheet, surface = corners.sheet, corners.sheet.surface
-    recut = Recut.from_cells(sheet, fillets.pair[:, 1])
-    which, mesh = recut.cells, recut.mesh
-    corner = np.searchsorted(recut.vertices, corners.walls.start[fillets.wall])
-    family = sheet.family[corners.walls.outside[fillets.wall] // 3]
-    arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
-    colour, root = _colours(arc, mesh.cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
+def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
+    arc, cell = fillets.pair.T
+    mesh, source = recut_polygons(sheet, cell)
+    corner = np.searchsorted(np.unique(sheet.surface.F[source]), sheet.walls.start[fillets.wall])
+    family = sheet.family[sheet.walls.material_cells[fillets.wall]]
+    colour = _colours(arc, mesh.cells.corner.reshape(-1, 3)[np.searchsorted(source, cell)])
     for group in range(int(colour.max()) + 1):
-        arc_of_cell = np.full(len(which), -1)
+        arc_of_cell = np.full(sheet.surface.m, -1)
         pairs = colour[arc] == group
         arc_of_cell[cell[pairs]] = arc[pairs]
-        mesh, source, filled_in = _filled_corners(mesh, arc_of_cell[root], fillets, corner, surface.size)
-        root = root[source]
-        mesh.family[filled_in] = family[arc_of_cell[root[filled_in]]]
-    return recut.merged_sheet(mesh, root)
+        mesh, rows, filled_in = _filled_corners(mesh, arc_of_cell[source], fillets, corner, sheet.surface.size)
+        source = source[rows]
+        mesh.family[filled_in] = family[arc_of_cell[source[filled_in]]]
+    return with_polygons(sheet, mesh, source)
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet, face_subset
+from dsfab.core.derived import derived
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.walls import next_in_chains
 from dsfab.slicing.finishing.opening_corners import TINY, unit
-from dsfab.slicing.finishing.walls import Walls, next_in_chains
-from dsfab.surface import NearestPlaces, nearest_places, pieces
+from dsfab.surface import NearestPlaces, nearest_places
 
 if TYPE_CHECKING:
     import manifold3d
@@ -24,7 +25,7 @@ SMOOTH = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
-    """The enclosed openings, each projected to its mean plane.
+    """The enclosed openings of a sheet, each projected to its mean plane; see `flat_openings_of`.
 
     wall  : (w',) their walls.    chain : (w',) the chain of each wall, renumbered.    after : (w',) the next wall in
             it.
@@ -36,29 +37,6 @@ class FlatOpenings:
     after: Ints
     start: Floats
     frame: Floats
-
-    @classmethod
-    def from_sheet(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
-        """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
-        void, face = face_subset(sheet.surface, ~sheet.material)
-        count, label = pieces(void.F, void.edges)
-        opening = np.empty(sheet.surface.m, dtype=np.int64)
-        opening[face] = label
-        opening_of_wall = opening[walls.inside // 3]
-        is_closed = np.ones(count, dtype=bool)
-        is_closed[opening_of_wall[~walls.closed[walls.chain]]] = False
-        wall = np.flatnonzero(is_closed[opening_of_wall])
-        opening_of_wall = opening_of_wall[wall]
-        frame = _mean_planes(void.normals * void.areas[:, None], label, count)[opening_of_wall]
-        start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
-        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-        np.minimum.at(low, opening_of_wall, start)
-        np.maximum.at(high, opening_of_wall, start)
-        size = float(np.max((high - low)[is_closed], initial=0.0))
-        across = int(np.ceil(np.sqrt(count)))
-        place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
-        chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
-        return cls(wall, chain, next_in_chains(chain), start - low[opening_of_wall] + place[opening_of_wall], frame)
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
@@ -86,6 +64,30 @@ class FlatOpenings:
 
     def _nearest(self, points: Floats) -> NearestPlaces:
         return nearest_in_plane(points, self.start, np.stack([np.arange(len(self.wall)), self.after], axis=1))
+
+
+@derived
+def flat_openings_of(sheet: Sheet) -> FlatOpenings:
+    """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
+    walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.pieces
+    opening = np.empty(sheet.surface.m, dtype=np.int64)
+    opening[void.cells] = label
+    opening_of_wall = opening[walls.void_cells]
+    is_closed = np.ones(count, dtype=bool)
+    is_closed[opening_of_wall[~walls.closed[walls.chain]]] = False
+    wall = np.flatnonzero(is_closed[opening_of_wall])
+    opening_of_wall = opening_of_wall[wall]
+    frame = _mean_planes(void.surface.normals * void.surface.areas[:, None], label, count)[opening_of_wall]
+    start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, opening_of_wall, start)
+    np.maximum.at(high, opening_of_wall, start)
+    size = float(np.max((high - low)[is_closed], initial=0.0))
+    across = int(np.ceil(np.sqrt(count)))
+    place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
+    chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
+    start = start - low[opening_of_wall] + place[opening_of_wall]
+    return FlatOpenings(wall, chain, next_in_chains(chain), start, frame)
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:

@@ -1,16 +1,16 @@
 """Least widths for a workshop: narrow members widened, narrow necks of openings bridged or filled."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, positions_on_segments
-from dsfab.slicing.cutting.sheet import Sheet, face_subset, inner_walls, weighted_medians
-from dsfab.slicing.finishing.flat_openings import FlatOpenings, narrow_parts
+from dsfab.core.arrays import Bools, Floats, Ints, positions_on_segments
+from dsfab.slicing.cutting.sheet import Sheet, SheetPart, weighted_medians
+from dsfab.slicing.cutting.walls import Walls
+from dsfab.slicing.finishing.flat_openings import flat_openings_of, narrow_parts
 from dsfab.slicing.finishing.openings import SNAP as OPENINGS_SNAP
-from dsfab.slicing.finishing.openings import Merging, Openings, Strip, filled_slits, with_strips
-from dsfab.slicing.finishing.walls import Walls
+from dsfab.slicing.finishing.openings import Merging, Strip, filled_slits, openings_of, with_filled, with_strips
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
@@ -27,9 +27,9 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
     """
     if not cells.has_openings:
         return NOWHERE
-    void, from_void = face_subset(cells.surface, ~cells.material)
-    across = crossings(void, inner_walls(void, cells.surface, from_void), tips=tips, reach=least)
-    return _narrowest(void, across, least, apart, widest)
+    void = cells.void_part
+    across = crossings(void.surface, void.walls, tips=tips, reach=least)
+    return _narrowest(void.surface, across, least, apart, widest)
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
@@ -37,47 +37,41 @@ def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
     `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = face_subset(cells.surface, cells.material)
-    across = crossings(material, inner_walls(material, cells.surface, from_material))
-    usual = weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0]
-    return _narrowest(material, across, min(least, LOCAL * float(usual)), apart)
+    material = cells.material_part
+    across = crossings(material.surface, material.walls)
+    return _narrowest(material.surface, across, min(least, LOCAL * _median_width(across)), apart)
 
 
 def usual_width(cells: Sheet) -> float:
     """Median width of members along the walls of openings, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
-    material, from_material = face_subset(cells.surface, cells.material)
-    inner = inner_walls(material, cells.surface, from_material)
-    across = crossings(material, material.edges.boundary, inner, shares=(MIDDLE,))
+    return _median_width(_crossings_from_openings(cells.material_part, shares=(MIDDLE,)))
+
+
+def _median_width(across: Crossings) -> float:
     return float(weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0])
+
+
+def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
+    return crossings(material.surface, material.surface.edges.boundary, material.walls, **options)
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both sides of members narrower than `least` metres, also between an opening and an edge."""
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = face_subset(cells.surface, cells.material)
-    inner = inner_walls(material, cells.surface, from_material)
-    across = crossings(material, material.edges.boundary, inner, reach=least)
-    return _narrowest(material, across, least, apart)
+    across = _crossings_from_openings(cells.material_part, reach=least)
+    return _narrowest(cells.material_part.surface, across, least, apart)
 
 
 def _narrowest(part: Surface, across: Crossings, least: float, apart: float, widest: bool = False) -> Floats:
     narrow = np.flatnonzero(across.width < least)
     narrow = narrow[np.argsort(-across.width[narrow] if widest else across.width[narrow], kind="stable")]
-    start, (segment_start, segment_end) = (
-        across.place[narrow],
-        part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2),
-    )
-    ends = np.stack(
-        [
-            start,
-            segment_start
-            + positions_on_segments(start, segment_start, segment_end)[:, None] * (segment_end - segment_start),
-        ],
-        axis=1,
-    )
+    start = across.place[narrow]
+    wall_start, wall_end = part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2)
+    share = positions_on_segments(start, wall_start, wall_end)[:, None]
+    ends = np.stack([start, wall_start + share * (wall_end - wall_start)], axis=1)
     chosen, middles = list[int](), np.empty((0, 3))
     for k, middle in enumerate(ends.mean(axis=1)):
         if not (np.linalg.norm(middles - middle, axis=1) < apart).any():
@@ -108,9 +102,11 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
             break
-        walls = Walls.from_sheet(cells)
-        necks, lost = _necks_and_lost_openings(cells, walls, width)
-        cells, new_count = _with_bridges(_fill_openings(cells, lost), walls, necks, width)
+        necks, lost = _necks_and_lost_openings(cells, width)
+        bridges = _bridges(cells, necks, width)
+        cells = with_filled(cells, lost)
+        bridges = [bridge for bridge in bridges if not cells.material[bridge.cells[0]]]
+        cells, new_count = with_strips(cells, bridges, width)
         if not new_count:
             break
         count += new_count
@@ -138,51 +134,39 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
     """
     if not len(places):
         return cells, 0
-    walls = Walls.from_sheet(cells)
-    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
     necks = [Neck(place, (wall_a, wall_b)) for place, (wall_a, wall_b) in pairs]
-    return _with_bridges(cells, walls, necks, width, snap)
+    return with_strips(cells, _bridges(cells, necks, width), width, snap)
 
 
-def _with_bridges(
-    cells: Sheet, walls: Walls, necks: list[Neck], width: float, snap: float = OPENINGS_SNAP
-) -> tuple[Sheet, int]:
-    bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
-    return with_strips(cells, bridges, width, snap)
-
-
-def _necks_and_lost_openings(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
-    """The necks of openings, and a void cell of each opening that is too narrow everywhere."""
-    flat = FlatOpenings.from_sheet(cells, walls)
-    necks, lost = [], list[int]()
+def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
+    """The necks of openings, and a mask (o,) of the openings that are too narrow everywhere."""
+    flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
+    assert openings is not None
+    necks, lost = [], np.zeros(openings.count, dtype=bool)
     for part in narrow_parts(flat, width / 2):
         if not part.runs:
-            lost.append(int(walls.inside[flat.wall[flat.nearest_walls(part.outline[:1])[0][0]]]) // 3)
+            cell = walls.void_cells[flat.wall[flat.nearest_walls(part.outline[:1])[0][0]]]
+            lost[openings.label[np.searchsorted(openings.void.cells, cell)]] = True
             continue
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
-        ends = walls.points(cells.surface.V, wall, share)
+        ends = walls.points(wall, share)
         if np.linalg.norm(ends[1] - ends[0]) < width:  # wider openings look narrow only in projection
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
 
-def _fill_openings(cells: Sheet, lost: list[int]) -> Sheet:
-    every = Openings.from_sheet(cells) if lost else None
-    if every is None:
-        return cells
-    to_fill = np.zeros(every.count, dtype=bool)
-    to_fill[every.label[np.searchsorted(every.face, lost)]] = True
-    return every.fill(to_fill)
-
-
-def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
-    """The strip between both walls of a neck; None if the strip would not end at the second wall."""
-    gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
-    half = np.array([gap / 2 + REACH * width, width / 2])
-    strip = Strip.between_walls(cells, walls, neck.walls[0], neck.ends, half)
-    return strip if strip is not None and int(walls.inside[neck.walls[1]]) // 3 in strip.cells else None
+def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
+    """The strips between both walls of necks, except strips that would not end at the second wall."""
+    bridges = []
+    for neck in necks:
+        half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
+        strip = Strip.from_wall(cells, neck.walls[0], neck.ends, half)
+        if strip is not None and cells.walls.void_cells[neck.walls[1]] in strip.cells:
+            bridges.append(strip)
+    return bridges
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
@@ -192,13 +176,13 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     """
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
-    walls, half = Walls.from_sheet(cells), np.array([1.04 * least / 2, least / 2])
-    wall, ends = walls.nearest(cells.surface.V, narrow.reshape(-1, 3))
+    half = np.array([1.04 * least / 2, least / 2])
+    wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
-        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides)
+        side_strips = (Strip.from_wall(cells, side, place, half) for side in sides)
         strips += [strip for strip in side_strips if strip is not None]
     widened, count = with_strips(cells, strips, least)
     return widened, -(-count // 2)
@@ -271,10 +255,11 @@ def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
 
 
 def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:
-    every = Openings.from_sheet(cells) if gap else None
-    if every is None or not (small := every.hydraulic_diameters < gap).any():
+    openings = openings_of(cells) if gap else None
+    if openings is None:
         return cells, 0
-    return every.fill(small), int(small.sum())
+    small = openings.hydraulic_diameters < gap
+    return with_filled(cells, small), int(small.sum())
 
 
 def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
@@ -303,11 +288,11 @@ def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Shee
     the number."""
     if not len(places):
         return cells, 0
-    walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # as walls are not parallel
-    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
+    wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
-        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides[on_wall].tolist())
+        side_strips = (Strip.from_wall(cells, side, place, half) for side in sides[on_wall].tolist())
         strips += [strip for strip in side_strips if strip is not None]
     return with_strips(cells, strips, member, SNAP)

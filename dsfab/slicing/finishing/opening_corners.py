@@ -6,8 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, Walls, next_in_chains
+from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
 """Largest turn of a chord: it strays from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
@@ -143,25 +142,22 @@ SMALLER = 0.7
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners (k,) along the walls of a sheet, in the order of the walls.
+    """Corners (k,) along walls, in the order of the walls.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
     place : (k,) metres along the chain. The foot of an existing arc is a corner that does not turn.
     """
 
-    sheet: Sheet
     walls: Walls
     first: Ints
     turn: Floats
     place: Floats
 
     @classmethod
-    def from_sheet(cls, sheet: Sheet) -> "Corners":
-        """Return the points where the walls of a sheet turn by more than `SHARPEST`."""
-        walls = Walls.from_sheet(sheet)
-        turn = walls.turns(sheet)
-        rows = np.flatnonzero(turn > SHARPEST)
-        return cls(sheet, walls, rows, turn[rows], walls.place[rows])
+    def from_walls(cls, walls: Walls) -> "Corners":
+        """Return the points where the walls turn left by more than `SHARPEST`."""
+        rows = np.flatnonzero(walls.turns > SHARPEST)
+        return cls(walls, rows, walls.turns[rows], walls.place[rows])
 
     def subset(self, chosen: Bools | Ints) -> "Corners":
         """Return the chosen (k,) corners."""
@@ -181,7 +177,7 @@ class Corners:
         first_wall, place = np.concatenate([self.first[free], first_wall]), np.concatenate([self.place[free], feet])
         turn = np.concatenate([self.turn[free], np.zeros(len(feet))])
         order = np.lexsort((place, walls.chain[first_wall]))
-        return Corners(self.sheet, walls, first_wall[order], turn[order], place[order])
+        return Corners(walls, first_wall[order], turn[order], place[order])
 
     @cached_property
     def next_corner(self) -> Ints:
@@ -233,13 +229,9 @@ class Corners:
     @cached_property
     def frames(self) -> Floats:
         """(k, 2, 3) unit vectors of the planes of the arcs, square to the void's normal."""
-        surface, void = self.sheet.surface, np.flatnonzero(~self.sheet.material)
-        vector = (surface.normals * surface.areas[:, None])[void]
-        corner = surface.F[void].ravel()
-        total = [np.bincount(corner, np.repeat(column, 3), surface.n) for column in vector.T]
-        normal = np.stack(total, axis=1).astype(np.float64)[self.walls.start[self.first]]
+        normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        along = surface.V[self.walls.end[self.first]] - self.origin
+        along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
         first_axis = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
         first_axis /= np.linalg.norm(first_axis, axis=1, keepdims=True)
         return np.stack([first_axis, np.cross(normal, first_axis)], axis=1)
@@ -247,7 +239,7 @@ class Corners:
     @cached_property
     def origin(self) -> Floats:
         """(k, 3) the vertices of the corners."""
-        return np.asarray(self.sheet.surface.V[self.walls.start[self.first]])
+        return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
         """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
@@ -271,7 +263,7 @@ class Corners:
         their `frames`.
 
         Shorter lines repeat their last point. The search examines 8 to 256 walls."""
-        walls, V, count = self.walls, self.sheet.surface.V, 8
+        walls, V, count = self.walls, self.walls.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
             steps = np.arange(count)
@@ -289,7 +281,7 @@ class Corners:
         """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), up to 2 % of a radius beyond, at
         corners (p,)."""
         walls = self.walls
-        wall = np.full(self.sheet.surface.n, -1)
+        wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
         wall_of_vertex, first_wall = wall[vertex], self.first[rows]
         total = walls.total[walls.chain[first_wall]]

@@ -15,12 +15,11 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, first_few
 from dsfab.core.errors import PatternError
-from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.cut import filled_polygons
-from dsfab.slicing.cutting.polygon_mesh import weights_after_split
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.surface.topology import edge_table, pieces
+from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
@@ -146,32 +145,25 @@ def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
 
 
 def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
-    V, F = sheet.surface.V, sheet.surface.F
-    touched = np.asarray((distance[F] < radius).any(axis=1))
-    level = np.array([radius])
-    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(0.1, sheet.surface.size, pinches))
-    surface, cell = filled_polygons(split.cells, split.with_new_values(V), sheet.parent[split.source])
-    before = split.source[cell]
-    inside = _connected_to_pinches(surface.F, split.strip[cell] == 0, pinches)
-    family = sheet.family[before]
+    mesh, touched = PolygonMesh.from_sheet(sheet), np.asarray((distance[sheet.surface.F] < radius).any(axis=1))
+    snapping = Snapping(0.1, sheet.surface.size, pinches)
+    split = clean_split(mesh.cells, mesh.X, distance, np.array([radius]), touched, snapping)
+    mesh = mesh.after_split(split)
+    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    inside, family = _connected_to_pinches(mesh, split.strip == 0, pinches)[cell], mesh.family[cell]
     if rule == "split":
         family[inside] = VOID
     else:
         fill = inside & (family == VOID)
-        nearest = cKDTree(V[pinches]).query(surface.centroids[fill])[1]
+        nearest = cKDTree(mesh.X[pinches]).query(surface.centroids[fill])[1]
         family[fill] = _first_family(sheet, pinches)[nearest]
-    return Sheet(surface, sheet.parent[before], family, weights_after_split(sheet.weights, split))
+    return Sheet(surface, mesh.parent[cell], family, mesh.weights)
 
 
-def _connected_to_pinches(F: Ints, inside: Bools, pinches: Ints) -> Bools:
-    """(m',) the inside cells that are edge-connected to a pinch, without other parts of the surface nearby."""
-    inside_faces = F[inside]
-    count, piece = pieces(inside_faces, edge_table(inside_faces))
-    reached = np.zeros(count, dtype=bool)
-    reached[piece[np.isin(inside_faces, pinches).any(axis=1)]] = True
-    result = inside.copy()
-    result[inside] = reached[piece]
-    return result
+def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
+    """(c,) the inside polygons that are connected to a pinch, without other parts of the surface nearby."""
+    part, owner = mesh.part_labels(inside), mesh.cells.owner
+    return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 
 
 def _first_family(sheet: Sheet, vertices: Ints) -> Ints:

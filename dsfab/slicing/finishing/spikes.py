@@ -12,11 +12,11 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.slicing.cutting.cut import Recut
+from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
+from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
-from dsfab.slicing.finishing.walls import SHARPEST, Walls
 
 SHARP = float(np.radians(60))
 """Least angle by which the outline turns back at a tip; at bends and crossings of members it turns less."""
@@ -59,32 +59,31 @@ def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def _spikes(cells: Sheet) -> list[Spike]:
-    walls = Walls.from_sheet(cells)
-    turn, width = walls.turns(cells), _member_width(cells, walls)
+    walls, turn, width = cells.walls, cells.walls.turns, _member_width(cells)
     spikes = []
     for tip in np.flatnonzero(np.isfinite(turn) & (turn < -SHARP)).tolist():
-        before, behind = (_corners_beside(walls, turn, tip, step, FAR * width) for step in (-1, 1))
+        before, behind = (_corners_beside(walls, tip, step, FAR * width) for step in (-1, 1))
         pairs = sorted(
             ((length_before + length_behind, i, j) for i, length_before in before for j, length_behind in behind),
             reverse=True,
         )
         longest = min(FAR * width, float(walls.total[walls.chain[tip]]))
         stretches = (_stretch(walls, tip, i, j) for length, i, j in pairs if length < longest)
-        teeth = (_tooth(cells, walls, stretch, width) for stretch in stretches)
+        teeth = (_tooth(cells, stretch, width) for stretch in stretches)
         spikes.append(next((tooth for tooth in teeth if tooth is not None), None))
     return [spike for spike in spikes if spike is not None]
 
 
-def _member_width(cells: Sheet, walls: Walls) -> float:
+def _member_width(cells: Sheet) -> float:
     """Mean width, metres: twice the area of the material over the length of its outline."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
-    around = walls.length.sum() + surface.edge_lengths[edge & surface.edges.boundary].sum()
+    around = cells.walls.length.sum() + surface.edge_lengths[edge & surface.edges.boundary].sum()
     return float(2 * surface.areas[material].sum() / around)
 
 
-def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
+def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
     """Re-entrant corners before a tip (step -1) or behind it (1): number of walls from the tip, and metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
@@ -92,7 +91,7 @@ def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: fl
         length += float(walls.length[wall if step < 0 else previous_wall])
         if not exists[1] or length > longest:  # an open chain ends on the edge of the surface
             break
-        if turn[wall] > SHARPEST:
+        if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
     return corners
 
@@ -101,10 +100,11 @@ def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
     return walls.walls_ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
 
 
-def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | None:
+def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
     """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
-    V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
-    X, step, member_cells = V[outline], walls.length[stretch], walls.outside[stretch] // 3
+    V, walls = cells.surface.V, cells.walls
+    outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
+    X, step = V[outline], walls.length[stretch]
     chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # this is the mean normal over a surface edge
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
@@ -140,14 +140,13 @@ def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
 
 
 def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
-    recut = Recut.from_cells(cells, np.unique(np.concatenate([spike.cells for spike in spikes])))
-    mesh = recut.mesh
-    x, active = np.zeros(len(mesh.X)), np.zeros(len(recut.cells), dtype=bool)
+    mesh, source = recut_polygons(cells, np.concatenate([spike.cells for spike in spikes]))
+    x, active = np.zeros(len(mesh.X)), np.zeros(len(source), dtype=bool)
     for spike in spikes:
-        rows = np.searchsorted(recut.cells, spike.cells)
+        rows = np.searchsorted(source, spike.cells)
         active[rows] = True
         vertex = np.unique(mesh.cells.corner[mesh.cells.slots(rows)])
         x[vertex] = spike.heights(mesh.X[vertex])
     split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, cells.surface.size))
     mesh, beyond = mesh.after_split(split), active[split.source] & (split.strip == 1)
-    return recut.merged_sheet(replace(mesh, family=np.where(beyond, VOID, mesh.family)), split.source)
+    return with_polygons(cells, replace(mesh, family=np.where(beyond, VOID, mesh.family)), source[split.source])

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock, sorted_order, weighted_quantiles
-from dsfab.slicing.cutting.sheet import VOID, Sheet, face_subset, hydraulic_diameters, inner_walls
+from dsfab.slicing.cutting.sheet import VOID, Sheet, SheetPart, hydraulic_diameters
 from dsfab.surface import Surface, next_half_edge, pieces
 
 
@@ -341,9 +341,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     openings too small or too round for lines count with 4 area / perimeter, the diameter of the circle in a triangle or
     a square.
     """
-    sheet, holes = cells.surface, ~built
-    material, from_material = face_subset(sheet, built)
-    mesh = _mesh_width(cells)
+    part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
+    material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
     cell = from_material[across.face]
     member = _smallest(across, mesh[cell], [_member(names, f) for f in cells.family[cell]])
@@ -351,9 +350,9 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
         member, _smallest_compact_piece(material, material.edges.boundary, across, mesh[from_material], "a loose piece")
     )
     gap = None
-    if holes.any():
-        void, from_void = face_subset(sheet, holes)
-        walls = inner_walls(void, sheet, from_void)
+    if not built.all():
+        part = SheetPart.from_cells(cells.surface, ~built)
+        void, from_void, walls = part.surface, part.cells, part.walls
         between = crossings(void, walls, tips=tips)
         gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
         gap = _smallest_feature(gap, _smallest_compact_piece(void, walls, between, mesh[from_void], "an opening"))

@@ -7,8 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.surface import nearest_places as nearest
+from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
@@ -18,8 +17,9 @@ SHARPEST = float(np.radians(20))
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Walls (w,), chain after chain, each in the order in which the void lies on its left.
+    """Walls (w,) of a cut surface, chain after chain. The void lies on the left of each wall.
 
+    surface : all cells, material and void.    void : (m',) mask of the void cells.
     inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
     chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.    total : (c,) metres of
@@ -27,6 +27,8 @@ class Walls:
     closed : (c,) True for a closed chain; open chains end on the boundary of the surface.
     """
 
+    surface: Surface
+    void: Bools
     inside: Ints
     outside: Ints
     start: Ints
@@ -39,21 +41,40 @@ class Walls:
     closed: Bools
 
     @classmethod
-    def from_sheet(cls, sheet: Sheet) -> "Walls":
-        """Return the walls between material and void of a sheet, chained."""
-        side_a, side_b = sheet.surface.edges.pairs.T
-        void = ~sheet.material
+    def from_cells(cls, surface: Surface, void: Bools) -> "Walls":
+        """Return the walls between the material and the void cells (m',) of a surface."""
+        side_a, side_b = surface.edges.pairs.T
         wall = void[side_a // 3] != void[side_b // 3]
         side_a, side_b = side_a[wall], side_b[wall]
         h = np.where(void[side_a // 3], side_a, side_b)
-        a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-        order, begin, closed = _chains(_next_walls(sheet.surface, a, b))
+        a, b = (ends[h] for ends in half_edges(surface.F))
+        order, begin, closed = _chains(_next_walls(surface, a, b))
         chain = np.repeat(np.arange(len(closed)), np.diff(begin))
         h, a, b = h[order], a[order], b[order]
-        length = np.linalg.norm(sheet.surface.V[b] - sheet.surface.V[a], axis=1)
+        length = np.linalg.norm(surface.V[b] - surface.V[a], axis=1)
         total = np.bincount(chain, length, len(closed)).astype(np.float64)
         place = np.cumsum(length) - length - (np.cumsum(total) - total)[chain]
-        return cls(h, (side_a + side_b)[order] - h, a, b, length, place, chain, begin, total, closed)
+        outside = (side_a + side_b)[order] - h
+        return cls(surface, void, h, outside, a, b, length, place, chain, begin, total, closed)
+
+    @cached_property
+    def void_cells(self) -> Ints:
+        """(w,) the void cell at each wall."""
+        return self.inside // 3
+
+    @cached_property
+    def material_cells(self) -> Ints:
+        """(w,) the material cell at each wall."""
+        return self.outside // 3
+
+    @cached_property
+    def void_neighbours(self) -> Ints:
+        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
+        side_a, side_b = self.surface.edges.pairs.T
+        inner = self.void[side_a // 3] & self.void[side_b // 3]
+        cell = np.full(3 * self.surface.m, -1)
+        cell[side_a[inner]], cell[side_b[inner]] = side_b[inner] // 3, side_a[inner] // 3
+        return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
         """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those before the end of an
@@ -75,30 +96,40 @@ class Walls:
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
-    def points(self, V: Floats, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) the points at shares (k,) of walls (k,), on vertices V (n, 3)."""
-        segment_start, segment_end = V[self.start[wall]], V[self.end[wall]]
+    def points(self, wall: Ints, share: Floats) -> Floats:
+        """(k, 3) the points at shares (k,) of the lengths of walls (k,)."""
+        segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
-    def nearest(self, V: Floats, points: Floats) -> tuple[Ints, Floats]:
-        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on them, on vertices V (n, 3)."""
-        nearest_places = nearest(points, V, np.stack([self.start, self.end], axis=1))
-        return nearest_places.simplex, nearest_places.place
+    def nearest(self, points: Floats) -> tuple[Ints, Floats]:
+        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on these walls."""
+        nearest = nearest_places(points, self.surface.V, np.stack([self.start, self.end], axis=1))
+        return nearest.simplex, nearest.place
 
-    def turns(self, sheet: Sheet) -> Floats:
+    @cached_property
+    def turns(self) -> Floats:
         """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
 
         Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner.
         """
-        F, V = sheet.surface.F[~sheet.material], sheet.surface.V
-        angle: Floats = np.zeros(sheet.surface.n)
+        F, V, n = self.surface.F[self.void], self.surface.V, self.surface.n
+        angle: Floats = np.zeros(n)
         for c in range(3):
             u, v = (V[F[:, (c + k) % 3]] - V[F[:, c]] for k in (1, 2))
             size = np.linalg.norm(np.cross(u, v), axis=1)
-            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), sheet.surface.n)
+            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), n)
         turn = np.pi - angle[self.start]
         turn[self.begin[:-1][~self.closed]] = -np.inf
         return turn
+
+    @cached_property
+    def void_normals(self) -> Floats:
+        """(n', 3) sum of the normals of the void cells around each vertex, weighted by area."""
+        cells = np.flatnonzero(self.void)
+        vector = (self.surface.normals * self.surface.areas[:, None])[cells]
+        vertex = self.surface.F[cells].ravel()
+        columns = [np.bincount(vertex, np.repeat(column, 3), self.surface.n) for column in vector.T]
+        return np.stack(columns, axis=1).astype(np.float64)
 
 
 def next_in_chains(chain: Ints) -> Ints:
