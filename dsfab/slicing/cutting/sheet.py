@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.walls import Walls
-from dsfab.surface import Surface, pieces, spanned_edges
+from dsfab.surface import Surface, spanned_edges
 
 if TYPE_CHECKING:
     import compas.datastructures
@@ -57,11 +57,6 @@ class SheetPart:
     def walls(self) -> Bools:
         """(e,) mask of the boundary edges of the part that lie inside `whole`."""
         return np.asarray(self.surface.edges.boundary & ~self.whole.edges.boundary[self.whole_edges])
-
-    @cached_property
-    def pieces(self) -> tuple[int, Ints]:
-        """The number of connected pieces, and the piece (f,) of each cell."""
-        return pieces(self.surface.F, self.surface.edges)
 
 
 @dataclass(frozen=True, eq=False)

@@ -69,7 +69,7 @@ class FlatOpenings:
 @derived
 def flat_openings_of(sheet: Sheet) -> FlatOpenings:
     """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
-    walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.pieces
+    walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
     opening = np.empty(sheet.surface.m, dtype=np.int64)
     opening[void.cells] = label
     opening_of_wall = opening[walls.void_cells]

@@ -156,7 +156,7 @@ def openings_of(sheet: Sheet) -> Openings | None:
     """Return the openings of a sheet; None for a sheet of material or of void alone."""
     if not sheet.has_openings:
         return None
-    count, label = sheet.void_part.pieces
+    count, label = sheet.void_part.surface.pieces
     return Openings(sheet.void_part, sheet.material_part, label, count)
 
 
