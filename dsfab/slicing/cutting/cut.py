@@ -1,6 +1,6 @@
 """`cut`: a surface cut exactly along level lines of linear fields, and the cells of a sheet cut again."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,7 +19,7 @@ from dsfab.slicing.cutting.cells import (
     triangulate,
 )
 from dsfab.slicing.cutting.corner_fields import corner_band
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, Split, clean_split
 from dsfab.surface import Surface, corners_of, faces_at
@@ -31,11 +31,11 @@ LEVEL_GAP = 1e-6
 
 
 Field = Floats | CornerField | DividedField
+DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
+"""A rule that marks material (c,) of field k, near blank faces (m,), that later fields divide, too."""
 
 
-def cut(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
-) -> Sheet:
+def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
     """Cut a surface along the levels of several fields; return all cells, material and void.
 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
@@ -48,13 +48,12 @@ def cut(
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
              onto it. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact areas; a
              floor of `SNAP_FLOOR` always holds, and corners of cells without area move too.
-    tidy   : stripes that a later pass may remove (see `tidied_polygons`), so that later fields divide them too.
 
-    Otherwise later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
+    Later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
     Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
-    return sheet_of(cut_polygons(surface, fields, levels, snap, tidy))
+    return sheet_of(cut_polygons(surface, fields, levels, snap))
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
@@ -64,15 +63,26 @@ def sheet_of(mesh: PolygonMesh) -> Sheet:
 
 
 def cut_polygons(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
+    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles."""
-    values, steps = checked_lines(surface, fields, levels)
+    return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap)
+
+
+def polygons_along(
+    surface: Surface,
+    fields: Sequence[Field],
+    values: Sequence[Floats],
+    levels: Sequence[Floats],
+    snap: float,
+    divided_again: DividedAgain | None = None,
+) -> PolygonMesh:
+    """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
     mesh = PolygonMesh.from_surface(surface, divided)
-    for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
+    for k, (field, x, lines) in enumerate(zip(fields, values, levels, strict=True)):
         blank = np.zeros(surface.m, dtype=bool)
         if isinstance(field, CornerField):
             mesh, material = corner_band(mesh, field, lines, snap, _tip_snap(snap), surface.size)
@@ -84,9 +94,9 @@ def cut_polygons(
                 mesh = mesh.after_split(split)
                 on_parts = {j: split.with_new_values(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
-        if tidy:
+        if divided_again:
             near_blank = blank | adjacent_faces(surface, blank)
-            mesh = replace(mesh, again=mesh.again | tidy.recut_polygons(mesh, k, near_blank))
+            mesh = replace(mesh, again=mesh.again | divided_again(mesh, k, near_blank))
     return mesh
 
 

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lock, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, sorted_order
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import Split
@@ -145,38 +145,6 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
     )
     begins = np.concatenate([weights.indptr, weights.indptr[-1] + new_weights.indptr[1:]])
     return csr_array((data, indices, begins), shape=(weights.shape[0] + new_weights.shape[0], weights.shape[1]))
-
-
-@dataclass(frozen=True, eq=False)
-class Tidy:
-    """Stripes that `tidied_polygons` may remove, so that later fields must divide them too.
-
-    striped : for each field True if it draws stripes; material of other fields stays.
-    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
-    anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None: openings with a positive mean become material.
-    """
-
-    striped: tuple[bool, ...]
-    astray: tuple[Bools | None, ...]
-    anchor: Bools
-    closed: tuple[Floats | None, ...] = ()
-
-    def __post_init__(self) -> None:
-        lock(self, "anchor", np.bool_, (None,))
-
-    def recut_polygons(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """(c,) material of field k that later fields must divide: stripes that meet a blank face (m,) or go astray."""
-        own_polygons = (mesh.family == k) | (mesh.also == k)
-        if not self.striped[k] or not own_polygons.any():
-            return np.zeros_like(own_polygons)
-        astray = self.astray[k]
-        suspect = blank if astray is None else blank | astray
-        suspect_vertices = np.zeros(len(mesh.X), dtype=bool)
-        suspect_vertices[mesh.cells.corner[suspect[mesh.face]]] = True
-        part = mesh.part_labels(own_polygons)
-        touched = own_polygons & mesh.cells.per_polygon(np.logical_or, suspect_vertices[mesh.cells.corner])
-        return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
 @dataclass(frozen=True, eq=False)

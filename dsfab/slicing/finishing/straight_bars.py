@@ -1,17 +1,20 @@
 """Straight bars between two crossings in place of stripes that miss each other at a node."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
+from dsfab.slicing.cutting.cut import Field, adjacent_faces
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.finishing.loose_ends import between_crossings
+from dsfab.slicing.finishing.loose_ends import CLOSED, Tidy, between_crossings, nodes_of
 from dsfab.slicing.finishing.stubs import with_crossings
-from dsfab.surface import link_components
+from dsfab.surface import Surface, link_components
+from dsfab.surface.fields import CornerField
 
 TINY = 1e-12
 
@@ -156,16 +159,15 @@ LARGER = 2.5
 
 
 def with_straight_bars(
-    mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy, size: float
+    mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Replace bars through nodes (c,) between two contacts by straight bars, and bars near singular points (c,) by
-    bent bars.
+    """Replace bars through nodes between two contacts by straight bars, and bars near singular points by even bends.
 
-    size : of the surface, metres.    Returns the mesh and the number of replaced bars. The new bends are even.
+    surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
     Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
-    nodes, near_singular, count = nodes & ~mesh.void, near_singular & ~mesh.void, 0
+    nodes, near_singular, count = _nodes_and_closed(mesh), _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
         return mesh, count
     bars = _askew_bars(mesh, nodes, near_singular, tidy)
@@ -173,10 +175,21 @@ def with_straight_bars(
     for k, bar in enumerate(bars):
         mark[bar.cells] = k
     for k, bar in enumerate(bars):
-        better, label = _with_fair_bar(mesh, mark == k, bar, size)
+        better, label = _with_fair_bar(mesh, mark == k, bar, surface.size)
         if better is not None:
             mesh, mark, count = better, mark[label], count + 1
     return mesh, count
+
+
+def _nodes_and_closed(mesh: PolygonMesh) -> Bools:
+    return np.asarray(nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void))
+
+
+def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
+    """Mask (c,) of material beside faces where its field has no phase."""
+    blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
+    near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
+    return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:

@@ -19,9 +19,9 @@ from typing import Self
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
-from dsfab.slicing.finishing.loose_ends import dependent_polygons
+from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_of
 from dsfab.surface import link_components
 
 LARGE = 1.6
@@ -39,12 +39,12 @@ TURN = float(np.radians(110))
 """Largest turn of the remaining outline, radians, where a stub was removed: a sharper corner would be a loose end."""
 
 
-def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes (c,) and the stubs that lead to them if one good opening remains; return also the number of places.
+def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
+    """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
     Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected.
     """
-    count = 0
+    nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
         if not lumps.any() or not mesh.void.any():
