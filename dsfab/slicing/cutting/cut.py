@@ -27,7 +27,7 @@ from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6
-"""Levels closer than this share of the field's range count as equal."""
+"""Levels that differ by less than this share of the field's range count as equal."""
 
 
 Field = Floats | CornerField | DividedField
@@ -156,9 +156,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
-    """Fill polygons with triangles; return also the polygon (m',) of each triangle, ascending.
+    """Fill polygons (c,) with triangles; return also the polygon (m',) of each triangle, ascending.
 
-    Raises PatternError for triangles without area, with their parent faces (c,).
+    Raises PatternError for triangles without area; the error names their parent faces (c,).
     """
     F, cell = triangulate(cells, X)
     try:
@@ -176,7 +176,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
 def checked_lines(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
 ) -> tuple[list[Floats], list[Floats]]:
-    """Return the values (n,) or (n, 2) of each field, and its levels without equal ones; raises as `cut` does."""
+    """Return the values (n,) or (n, 2) of each field, and its distinct levels; raise errors as `cut` does."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
@@ -198,7 +198,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
 
-    For a pair of fields, any number of equal levels leaves one level."""
+    For a pair of fields, any number of equal levels leaves one level.
+    """
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")

@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 
 
 VOID = -1
-"""The `family` of a void cell."""
+"""The family of a void cell."""
 
 ON_SIMPLEX = 1 - 1e-9
-"""Least interpolated value of a 0/1 field at a point that lies between marked vertices only."""
+"""Least interpolated value of a 0/1 field at a point on an edge or a face whose corners are all marked."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,8 +136,9 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip other faces may see
-        vectors from their other side. The result equals `carry` if the corners at each vertex agree."""
+        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip a second face may
+        see vectors from its other side. The result equals `carry` if the corners at each vertex agree.
+        """
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -209,8 +210,11 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite where walls do not enclose
-    a piece."""
+    """(count,) hydraulic diameters 4 area / perimeter, metres, of the pieces of a part; infinite for pieces without a
+    closed wall around them.
+
+    walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`.
+    """
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -222,7 +226,9 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """(count,) weighted median of the values under each label; infinite without weight. NaN values do not count."""
+    """(count,) weighted median of the values (k,) under each label (k,); infinite without weight. NaN does not
+    count.
+    """
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]

@@ -77,8 +77,9 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those before the end of an
-        open chain."""
+        """(k,) the walls `steps` (k,) after walls (k,) along their chains; and a mask, False beyond the end of an
+        open chain.
+        """
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -87,7 +88,7 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) metres at which the chains begin when all are laid end to end."""
+        """(c,) metres at which the chains begin if all chains are laid end to end."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
@@ -133,8 +134,10 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the next position (k,) of each in its chain; the last leads to the first. chains (k,) are runs of one
-    number."""
+    """Return the next position (k,) of each in its chain; the last leads to the first.
+
+    chain : (k,) the chain of each position, in runs of one number.
+    """
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -142,7 +145,6 @@ def next_in_chains(chain: Ints) -> Ints:
 
 
 def _next_walls(surface: Surface, a: Ints, b: Ints) -> Ints:
-    """(w,) the wall after each wall from a to b, or -1 at a boundary and where several walls meet."""
     ends = surface.edges.ends[surface.edges.boundary]
     single = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
     single[ends] = False
@@ -152,7 +154,6 @@ def _next_walls(surface: Surface, a: Ints, b: Ints) -> Ints:
 
 
 def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
-    """The walls chain by chain, the limits of the chains, and a mask of the closed ones."""
     headless = np.ones(len(onward), dtype=bool)
     headless[onward[onward >= 0]] = False
     follow, seen = onward.tolist(), bytearray(len(onward))
@@ -172,9 +173,11 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains; a part that runs over the beginning of a closed chain has two entries.
+    """Parts (p,) of chains. A part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry."""
+    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry.
+    before    : (c,) metres at which the chains begin.
+    """
 
     low: Floats
     high: Floats
@@ -183,7 +186,7 @@ class Stretches:
 
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Return parts of chains (p,), from a place (p,) along each, of a length (p,), all in metres."""
+        """Return parts of chains (p,) from a place (p,), metres along each chain, with lengths (p,) in metres."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
