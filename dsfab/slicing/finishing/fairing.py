@@ -36,9 +36,7 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """Make the walls between material and void of a sheet as fair as the mesh allows.
-
-    sheet : all cells, material and void, without pinches.
+    """Make the walls between material and void of a sheet without pinches as fair as the mesh allows.
 
     Minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d is the move across the wall, k
     the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay; waves of wave
@@ -94,10 +92,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
     corner[walls.start[np.abs(walls.turns) > CORNER]] = True
     segment = (walls.total / np.diff(walls.begin))[walls.chain]
     all_walls = np.arange(len(walls.start))
-    (before, has_previous), (after, has_next) = (
-        walls.walls_ahead(all_walls, all_walls * 0 - 1),
-        walls.walls_ahead(all_walls, all_walls * 0 + 1),
-    )
+    (before, has_previous), (after, has_next) = (walls.walls_ahead(all_walls, 0 * all_walls + k) for k in (-1, 1))
     wall_vertices = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
     bends = has_previous & ~corner[walls.start]
     changes = bends & has_next & ~corner[walls.end] & (wall_vertices[:, 0] != wall_vertices[:, 3])
@@ -142,8 +137,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Linear equations for the vertex steps: rows of the sums of value (k, j, 3) . position of vertices q (k, j),
-    and `value`."""
+    """Linear equations for the steps: the sum over j of value (k, j, 3) . step of vertex q (k, j); and `value`."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -152,7 +146,7 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """The sheet with vertices moved by steps (k, 2); steps shrink where cells would become slim or turn over."""
+    """Move vertices by steps (k, 2), metres; steps shrink where cells would become slim or turn over."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -196,9 +190,7 @@ class Division:
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls between material and void, so that outlines look round.
-
-    sheet : all cells, material and void, without pinches; its walls are fair.
+    """Divide bent walls between material and void of a faired sheet, so that outlines look round.
 
     Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
     face, and corners stay sharp.
@@ -212,13 +204,11 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(walls: Walls) -> Floats:
-    """(w,) distance of the curve through each wall's ends from its middle, to the right, metres; 0 under 3 degrees."""
+    """(w,) metres from each wall's middle to the curve through its ends, to the right; 0 for turns under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
     turn, all_walls = walls.turns, np.arange(len(walls.start))
-    (before, has_previous), (after, has_next) = (
-        walls.walls_ahead(all_walls, np.full(len(all_walls), k)) for k in (-1, 1)
-    )
+    (before, has_previous), (after, has_next) = (walls.walls_ahead(all_walls, 0 * all_walls + k) for k in (-1, 1))
     has_turn = has_previous & (np.abs(turn) < CORNER)
     curvature = np.zeros(len(turn))
     curvature[has_turn] = (turn / ((walls.length[before] + walls.length) / 2))[has_turn]
@@ -229,7 +219,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """The walls to divide next; of two walls at one cell, the wall with the larger bow."""
+    """The walls to divide next. If a cell has two bent walls, the wall with the larger bow."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))
@@ -248,18 +238,14 @@ def _division(sheet: Sheet) -> Division:
     division = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
     least_weight = np.full(len(wall), np.inf)
     np.minimum.at(least_weight, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _independent_divisions(sheet, division.subset(face & (least_weight > 1e-3)))
-
-
-def _independent_divisions(sheet: Sheet, division: Division) -> Division:
+    division = division.subset(face & (least_weight > 1e-3))
     division = division.subset(_keeps_angles(sheet, division))
-    rank, walls = np.arange(len(division.wall)), sheet.walls
+    rank = np.arange(len(division.wall))
     cells = np.concatenate([walls.void_cells[division.wall], walls.material_cells[division.wall]])
     return division.subset(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
 
 
 def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints]:
-    """The cells (k, 3) before and behind new vertices (k,) on the half-edges of cells (k,)."""
     cell, side = np.divmod(half_edge, 3)
     a, b, c = (sheet.surface.F[cell, (side + j) % 3] for j in range(3))
     return np.stack([a, new_vertex, c], axis=1), np.stack([new_vertex, b, c], axis=1)

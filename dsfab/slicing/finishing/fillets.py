@@ -42,11 +42,9 @@ class DiscStops:
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and arcs (p,).
 
-    Arcs are in the frames of the corners, and no arc overlaps another arc. Discs that stop at one wall, or touch no
-    walls
-    in space, are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest
-    vertices, because on a curved surface only one of them may see the arc. The second result leaves out `taken`
-    stretches."""
+    Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
+    are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest vertices. On a
+    curved surface an arc may fit at one of these vertices only. Corners in `taken` stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
@@ -61,7 +59,6 @@ def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator
 def _arcs_in_planes(
     walls: Walls, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
 ) -> tuple[Corners, Arcs]:
-    """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
     total, tip_place, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
     way_a = (tip_place - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
@@ -69,7 +66,6 @@ def _arcs_in_planes(
     tips = Corners(walls, wall, np.zeros(len(wall)), tip_place)
 
     def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
-        """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
         foot = walls.points(w, share) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
@@ -87,16 +83,13 @@ def _arcs_in_planes(
 
 def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
     middle, before, behind = _left_turns(loops)
-    (a, share_a), (b, share_b) = (
-        flat.nearest_walls(middle + radius * before),
-        flat.nearest_walls(middle + radius * behind),
-    )
+    (a, share_a), (b, share_b) = (flat.nearest_walls(middle + radius * x) for x in (before, behind))
     between_walls = (flat.chain[a] == flat.chain[b]) & (a != b)
     return DiscStops(middle, before, behind, a, b, share_a, share_b).subset(between_walls)
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points where loops turn left by more than `SHARPEST`, and unit vectors to the right before and behind them."""
+    """Points (p, 2) where loops turn left by more than `SHARPEST`; unit vectors to the right before and behind them."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -111,7 +104,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """The stops beyond which no other disc has room, and pairs of walls (p,) beyond each stop, one near and one far.
+    """The stops beyond which no second disc has room, and for each a near and a far wall (p,) beyond the stop.
 
     An opening may widen again behind a neck; such a stop is not a tip."""
     size = np.bincount(flat.chain)
@@ -129,13 +122,8 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
-    nearby, farthest = (
-        wall[order][np.unique(row[order], return_index=True)[1]]
-        for order in (
-            np.lexsort((np.where(close_by, -distance, distance), close_by, row)),
-            np.lexsort((-distance, row)),
-        )
-    )
+    orders = (np.lexsort((np.where(close_by, -distance, distance), close_by, row)), np.lexsort((-distance, row)))
+    nearby, farthest = (wall[order][np.unique(row[order], return_index=True)[1]] for order in orders)
     return stop.subset(free), nearby[free], farthest[free]
 
 
@@ -233,7 +221,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Chords in space for arcs at corners, and a mask of arcs with neither another wall nor an end beyond them."""
+    """Chords in space for arcs at corners, and a mask of the arcs that reach no further wall and no edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -272,18 +260,16 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner, in its plane, than their feet.
+    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner than their feet, in its plane.
 
-    At a fold the void may turn back under itself and lie beyond a chord again. Without this test an arc would fill the
-    opening all along the fold.
+    At a fold the void may turn back and lie beyond a chord again. There an arc would fill the opening along the fold.
     """
     surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
     def beyond_reach(arc: Ints, X: Floats) -> Bools:
-        flat = np.einsum(
-            "p...i,pji->p...j", X - corners.origin[corner_rows[arc]][:, None], corners.frames[corner_rows[arc]]
-        )
+        row = corner_rows[arc]
+        flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
     far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells always pass
@@ -306,18 +292,14 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """Round the corners of the openings of a sheet; return also the radius (k,) of each fillet, metres.
+    """Round the corners of the openings of a sheet without pinches; return also the radius (k,) of each fillet, metres.
 
-    sheet  : all cells, material and void, without pinches.
-    radius : metres; smaller at corners without room for it. The arc lies in the plane that touches the surface at the
-             corner, exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a
-             disc of that radius stops before several corners, one arc rounds them all.
+    radius : metres; smaller at corners without room. The arc lies in the plane that touches the surface at the corner,
+             exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a disc of
+             that radius stops before several corners, one arc rounds all of these.
 
-    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc,
-    on
-    cells that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius
-    that
-    is not a length."""
+    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc
+    would touch material in a point, because cells are coarse. Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
     if not len(sheet.walls.start):
@@ -358,11 +340,10 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """(k,) arcs in groups; cells of two arcs of a group have no vertex in common.
+    """(k,) the group of each arc, such that cells of two arcs of a group have no vertex in common.
 
     arc : (p,) arc of each cell, and corner : (p, 3) the cell's vertices. Each round takes the arcs that come first, in
-          a
-    scattered order, at all their vertices, so that few rounds are needed."""
+    a scattered order, at all their vertices, so that few rounds are needed."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -381,8 +362,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """The polygons cut along the chords of an arc (c,) each, -1 for none; the old polygons, and a mask of those to
-    fill.
+    """Cut polygons along the chords of their arcs (c,), -1 for none; return also old polygons and a mask to fill.
 
     corner : (k,) the vertex that each arc rounds.    size : of the surface, metres.
     """

@@ -27,9 +27,9 @@ SMOOTH = 1e-3
 class FlatOpenings:
     """The enclosed openings of a sheet, each projected to its mean plane; see `flat_openings_of`.
 
-    wall  : (w',) their walls.    chain : (w',) the chain of each wall, renumbered.    after : (w',) the next wall in
-            it.
-    start : (w', 2) start points, metres.    frame : (w', 2, 3) unit vectors of the plane.
+    wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, renumbered.
+    after : (k,) the next wall in the chain.
+    start : (k, 2) start points, metres.    frame : (k, 2, 3) unit vectors of the plane.
     """
 
     wall: Ints
@@ -51,12 +51,11 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return for points (p, 2) the nearest walls (p,), by place in `wall`, and the share of each before the
-        nearest point."""
-        nearest_places = self._nearest(points)
-        start, finish = self.start[nearest_places.simplex], self.start[self.after[nearest_places.simplex]]
+        """Return the places (p,) in `wall` of the walls nearest to points (p, 2), and the shares (p,) up to there."""
+        nearest = self._nearest(points)
+        start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
-        return nearest_places.simplex, np.clip(np.linalg.norm(nearest_places.place[:, :2] - start, axis=1) / size, 0, 1)
+        return nearest.simplex, np.clip(np.linalg.norm(nearest.place[:, :2] - start, axis=1) / size, 0, 1)
 
     def distance(self, points: Floats) -> Floats:
         """(p,) metres from points (p, 2) to the nearest wall."""
@@ -114,8 +113,7 @@ LONG, BULKY = 4.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A part of an opening: its outline (k, 2), metres, and the runs of the outline on walls, (r, 2) each, between
-    arcs.
+    """A part of an opening: its outline (k, 2), metres, and the runs (r, 2) of the outline on walls, between arcs.
 
     An opening without any room has no runs.
     """
@@ -132,8 +130,8 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
 
-    A blind alley has two runs near its mouth. The function leaves out short tips, and parts that go around something,
-    because either all sides of such a part have room or none."""
+    A blind alley has two runs near its mouth. The function leaves out short tips, and ring-shaped parts, because
+    either all sides of a ring have room or none."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
@@ -155,7 +153,6 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
 
 
 def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length: float) -> Ints:
-    """Outlines that are long, wholly on walls, or on walls in several runs, with starts (k,) in points (p, 2)."""
     before = np.arange(len(points)) - 1
     before[start] = np.append(start[1:], len(points)) - 1
     runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
@@ -165,7 +162,7 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Stretches of the outline between its arcs, whose ends are at least `wide` apart; at least one point each."""
+    """Stretches of the outline between arcs whose ends are at least `wide` metres apart."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here
@@ -180,7 +177,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """True if the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
+    """Return whether the wall (r, 2) around a tip encloses a long strip whose sides do not close to a point."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -203,10 +200,9 @@ def _nearest_points(line_a: Floats, line_b: Floats) -> Floats:
     candidates = []
     for points, line, turned in ((line_a, line_b, False), (line_b, line_a, True)):
         simplex = np.arange(len(line))[:, None]
-        nearest_places = nearest_in_plane(
-            points, line, simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]])
-        )
-        k = int(nearest_places.squared.argmin())
-        pair = np.stack([points[k], nearest_places.place[k, :2]])
-        candidates.append((float(nearest_places.squared[k]), pair[::-1] if turned else pair))
+        edges = simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]])
+        nearest = nearest_in_plane(points, line, edges)
+        k = int(nearest.squared.argmin())
+        pair = np.stack([points[k], nearest.place[k, :2]])
+        candidates.append((float(nearest.squared[k]), pair[::-1] if turned else pair))
     return min(candidates, key=lambda each: each[0])[1]

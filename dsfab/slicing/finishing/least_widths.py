@@ -1,6 +1,8 @@
 """Least widths for a workshop: narrow members widened, narrow necks of openings bridged or filled."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +22,9 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings narrower than `least` metres, the narrowest first, `apart` metres
-    apart.
+    """(k, 2, 3) points on both walls of openings under `least` metres, narrowest first, and `apart` metres apart.
 
-    tips : include gaps where walls close to a tip.    widest : the widest of these gaps first, the mouth of a tip.
+    tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip.
     """
     if not cells.has_openings:
         return NOWHERE
@@ -33,8 +34,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members between openings that are under `least` metres and narrow by
-    `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, under `least` metres and narrow by `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -96,8 +96,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """Bridge openings wherever they are narrower than `width` metres; return also the number of bridges.
 
     An opening that is narrower everywhere becomes material, and so does a small opening that a bridge cuts off.
-    Openings
-    at the edge of the surface stay, and so do tips, because `rounded_corners` rounds these."""
+    Openings at the edge of the surface stay. Tips stay, too, because `rounded_corners` rounds them."""
     count = 0
     for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
@@ -114,8 +113,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings, `width` metres broad, that are under `least` metres in the `rounded` sheet; return also the
-    number.
+    """Bridge openings under `least` metres in the `rounded` sheet, `width` metres broad; return also the number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
     Therefore this function measures as `features` does."""
@@ -127,10 +125,9 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad, as many as possible at once; return the
-    number.
+    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad; return also the number of bridges.
 
-    snap : see `with_strips`.
+    One call builds as many bridges as possible.    snap : see `with_strips`.
     """
     if not len(places):
         return cells, 0
@@ -182,8 +179,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
-        side_strips = (Strip.from_wall(cells, side, place, half) for side in sides)
-        strips += [strip for strip in side_strips if strip is not None]
+        strips += _strips_at(cells, sides, place, half)
     widened, count = with_strips(cells, strips, least)
     return widened, -(-count // 2)
 
@@ -205,8 +201,7 @@ SNAP = 0.05
 
 
 class LeastWidths(NamedTuple):
-    """Cells, and numbers of filled openings, bridges, strips beside members, slits filled afterwards, and bridges
-    in necks."""
+    """Cells, and numbers of filled openings, bridges, strips beside members, filled slits, and bridges in necks."""
 
     cells: Sheet
     filled: int
@@ -219,20 +214,20 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """Remove openings under `gap` and members under `member`, metres, as far as added material can.
+    """Remove openings under `gap` and members under `member`, metres, as far as added material can; 0 for no limit.
 
-    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface. 0
-    switches a limit off.
+    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
 
     merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
-    neck  : metres; openings that widening leaves narrower get bridges, too.
+    neck  : metres; narrower openings that widening leaves get bridges, too.
     """
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
     for _ in range(TURNS):
         cells, bridges = _with_bridged_gaps(cells, gap)
-        cells, strips = _with_wider_members(cells, member)
+        add_strips = partial(_with_side_strips, member=member)
+        cells, strips = _repeated(add_strips, cells, MOST_ROUNDS if member else 0)
         bridged, widened = bridged + bridges, widened + strips
         if not strips:
             break
@@ -240,14 +235,15 @@ def with_least_widths(
         return LeastWidths(cells, filled, 0, 0)
     cells, specks = _without_specks(cells, gap)
     cells, merged = filled_slits(cells, merge) if merge != "none" else (cells, 0)
-    cells, necks = _without_necks(cells, neck)
+    cells, necks = _repeated(lambda sheet: bridged_gaps(sheet, sheet, neck, neck), cells, TURNS if neck else 0)
     return LeastWidths(cells, filled + specks, bridged, widened, merged, necks)
 
 
-def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
+def _repeated(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
+    """Change cells until a round changes nothing, or all rounds are over; return also the number of changes."""
     total = 0
-    for _ in range(TURNS if neck else 0):
-        cells, count = bridged_gaps(cells, cells, neck, neck)
+    for _ in range(rounds):
+        cells, count = change(cells)
         if not count:
             break
         total += count
@@ -273,26 +269,19 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
     return cells, total
 
 
-def _with_wider_members(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    total = 0
-    for _ in range(MOST_ROUNDS if member else 0):
-        cells, count = _with_side_strips(cells, members_under(cells, member, 1.5 * member), member)
-        total += count
-        if not count:
-            break
-    return cells, total
-
-
-def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
-    """The cells with strips on both sides of members at points (k, 2, 3) on their walls, except surface edges; and
-    the number."""
-    if not len(places):
+def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
+    """Add strips on both sides of members at points (k, 2, 3), except at edges of the surface; and their number."""
+    if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
-        side_strips = (Strip.from_wall(cells, side, place, half) for side in sides[on_wall].tolist())
-        strips += [strip for strip in side_strips if strip is not None]
+        strips += _strips_at(cells, sides[on_wall].tolist(), place, half)
     return with_strips(cells, strips, member, SNAP)
+
+
+def _strips_at(cells: Sheet, walls: list[int], place: Floats, half: Floats) -> list[Strip]:
+    strips = (Strip.from_wall(cells, wall, place, half) for wall in walls)
+    return [strip for strip in strips if strip is not None]

@@ -105,9 +105,7 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Part of each polygon (c,), also of nodes (c,); masks of the void parts (p,) and of those that always stay
-    (p,).
-    """
+    """The part (c,) of each polygon, with nodes (c,) as parts; masks (p,) of void parts and parts that always stay."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -204,13 +202,8 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
     polygon = np.concatenate([inside, *(owner[inner[at_vertex]] for at_vertex in on_level)])
-    vertex = np.concatenate(
-        [
-            -1 - np.arange(len(inside)),
-            *(corner[slot[at_vertex]] for slot, at_vertex in zip(slots, on_level, strict=True)),
-        ]
-    )
-    return polygon, vertex
+    at_vertices = (corner[slot[at_vertex]] for slot, at_vertex in zip(slots, on_level, strict=True))
+    return polygon, np.concatenate([-1 - np.arange(len(inside)), *at_vertices])
 
 
 def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Floats:
@@ -235,14 +228,8 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     order = np.argsort(source, kind="stable")  # this restores the order of parent faces
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
-    return replace(
-        mesh,
-        cells=every.subset(order),
-        parent=mesh.parent[source_polygon],
-        family=family,
-        also=also,
-        again=mesh.again[source_polygon],
-    )
+    parent, again = mesh.parent[source_polygon], mesh.again[source_polygon]
+    return replace(mesh, cells=every.subset(order), parent=parent, family=family, also=also, again=again)
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:

@@ -111,9 +111,7 @@ class CellMesh:
         return self.angles(self.surface.F, self.sheet.parent)
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """(k,) the smallest angle of triangles in uncut faces, degrees; negative if turned over, 0 almost without
-        area.
-        """
+        """(k,) the smallest angle of triangles in uncut faces, degrees: negative if turned over, 0 without area."""
         P = self.surface.V[F]
         sides = np.roll(P, -1, axis=1) - P
         back = -np.roll(sides, 1, axis=1)
@@ -128,10 +126,7 @@ class CellMesh:
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """The cells around the vertices: those of vertex v are faces[start[v] : start[v + 1]].
-
-        faces : (3 m',).    start : (n' + 1,).
-        """
+        """Cells (3 m',) and limits (n' + 1,): the cells around vertex v are faces[start[v] : start[v + 1]]."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
@@ -144,9 +139,7 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, keep: Bools | None = None, strayed: Floats | None = None) -> "CellMesh":
-        """Return the cells F (m', 3), by default all, else the marked ones (m',); strayed (n',) metres, by default
-        unchanged.
-        """
+        """Return the cells F (m', 3), or the marked cells (m',) of F; `strayed` (n',) metres."""
         keep = np.ones(len(F), dtype=bool) if keep is None else keep
         parent, family = self.sheet.parent[keep], self.sheet.family[keep]
         sheet = Sheet(Surface(self.surface.V, F[keep]), parent, family, self.sheet.weights)
@@ -202,8 +195,7 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices of the cut away from cells with angles under 25 degrees; they stay in all uncut faces
-    around them."""
+    """Moves of new vertices away from cells with angles under 25 degrees, within all uncut faces around them."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -218,12 +210,11 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """The moves that keep the topology of all lines, and their places to the tolerance.
+    """The moves that keep the topology of all lines, and their places up to the tolerance, metres.
 
     A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
-    Two
-    joints of three lines may meet if the material around them stays one fan, so not along a border of families, because
-    void is at its ends. Vertices stay on the boundary of the surface."""
+    Two joints of three lines may meet along an edge between material and void, because their material stays one fan.
+    Vertices stay on the boundary of the surface."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -244,7 +235,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """The moves that raise the smallest angle of material, without lowering that of void, and the gain, degrees."""
+    """The moves that raise the smallest angle of material and do not lower that of void; and the gain, degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -262,9 +253,9 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """(k,) True if the ends of an edge have no common neighbours except across its cells, and no line triangle closes.
+    """(k,) the link condition [Dey et al. 1999]: the ends of an edge share only the neighbours across its cells.
 
-    This is the link condition [Dey et al. 1999].    row, F : the cells around each v.
+    Also no triangle of lines closes.    row, F : the cells around each v.
     """
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
@@ -356,13 +347,9 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     before = quality(sheet.subset().surface)
     if not flips and not collapses:
         return ImprovedSheet(sheet, 0, 0, before, before, 0.0)
-    better = _without_unused_vertices(cut)
-    return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))
-
-
-def _without_unused_vertices(cut: CellMesh) -> Sheet:
     used = np.zeros(len(cut.surface.V), dtype=bool)
     used[cut.surface.F] = True
-    used[: cut.uncut.n] = True
+    used[: uncut.n] = True
     surface = Surface(cut.surface.V[used], (np.cumsum(used) - 1)[cut.surface.F])
-    return Sheet(surface, cut.sheet.parent, cut.sheet.family, cut.sheet.weights[used])
+    better = Sheet(surface, cut.sheet.parent, cut.sheet.family, cut.sheet.weights[used])
+    return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))

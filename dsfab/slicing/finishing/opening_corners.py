@@ -18,9 +18,9 @@ TINY = 1e-300
 class Arcs:
     """Arcs in k planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
 
-    foot_a, foot_b : (k, 2) points of contact.    way_a, way_b : (k,) metres from the corner to the feet, along the
-    walls.
-    touching       : (k,) mask of the arcs that exist.
+    foot_a, foot_b : (k, 2) points of contact.
+    way_a, way_b   : (k,) metres from the corner to the feet, along the walls.
+    touching       : (k,) mask of the arcs that touch both walls.
     """
 
     centre: Floats
@@ -48,8 +48,7 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
-        (k, 2).
+        """Normals (k, 2, 2) of the lines from the middle through both feet, away from the arc; distances (k, 2).
 
         The region that an arc fills lies on the inner side of both lines."""
         a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -79,9 +78,10 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
     The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
     the tangents at the nearest points is the next guess."""
-    centre, valid = (
-        _first_centres(a, b, radius) if first_centre is None else (first_centre, np.ones(len(first_centre), dtype=bool))
-    )
+    if first_centre is None:
+        centre, valid = _first_centres(a, b, radius)
+    else:
+        centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
     for _ in range(12):  # nearly straight walls need two or three steps
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
         centre, regular = circle_centres(foot_a, unit(centre - foot_a), foot_b, unit(centre - foot_b), radius)
@@ -96,7 +96,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
-    u, v = _direction(a), _direction(b)
+    u, v = (unit(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
     in_void &= (np.einsum("ki,ki->k", left_normal, v) > 0) & (np.einsum("ki,ki->k", right_normal, u) > 0)
@@ -104,8 +104,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n, and a mask of
-    them."""
+    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -125,10 +124,6 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     length = np.sqrt(size)
     before = (np.cumsum(length, axis=1) - length)[row, pick]
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
-
-
-def _direction(line: Floats) -> Floats:
-    return unit(line[:, 1] - line[:, 0])
 
 
 def unit(x: Floats) -> Floats:
@@ -202,16 +197,13 @@ class Corners:
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
         next_place = place[follow]
-        behind = np.where(
-            follow >= 0, np.where(next_place > place, next_place - place, next_place - place + total), total - place
-        )
+        ahead = np.where(next_place > place, next_place - place, next_place - place + total)
+        behind = np.where(follow >= 0, ahead, total - place)
         return np.where(before >= 0, behind[before], place), behind
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) metres of straight wall from each corner to the foot of an arc of radius 1 m, for turns up to 170
-        degrees.
-        """
+        """(k,) metres of straight wall from a corner to the foot of an arc of radius 1 m, for turns to 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
@@ -242,13 +234,11 @@ class Corners:
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
-        shrink.
+        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) by which they shrink.
 
         A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls."""
-        ahead, behind = (
-            np.minimum(length[rows], 2 * radius * self.tangents[rows] + radius) for length in self.wall_lengths
-        )
+        reach = 2 * radius * self.tangents[rows] + radius
+        ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
         room_before, room_behind = self.rooms
         least = np.minimum(
@@ -259,8 +249,7 @@ class Corners:
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """(p, q, 2) the walls before or behind corners (p,), away from the corners up to a reach (p,), metres, in
-        their `frames`.
+        """(p, q, 2) the walls before (`back`) or behind corners (p,) up to a reach (p,), metres, in their `frames`.
 
         Shorter lines repeat their last point. The search examines 8 to 256 walls."""
         walls, V, count = self.walls, self.walls.surface.V, 8
@@ -278,8 +267,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), up to 2 % of a radius beyond, at
-        corners (p,)."""
+        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), or within 2 % of a radius of them."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
@@ -291,7 +279,7 @@ class Corners:
         return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
-        """(k,) radii, metres: the input, or less at walls that are too short for it."""
+        """(k,) radii, metres: the requested radius, or less at walls that are too short."""
         room_before, room_behind = self.rooms
         room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

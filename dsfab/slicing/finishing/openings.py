@@ -65,13 +65,10 @@ class Openings:
     def narrowness(self) -> Floats:
         """(o,) width of each opening over the narrower of the two members beside it: the median along its walls.
 
-        It is at least half of 4 area / perimeter, the width of a long slit. An opening with few opposite walls, such as
-        a triangle, counts with the side of the square of equal area instead. Between 5 and 25 % of opposite walls, the
-        result
-        is the weighted harmonic mean of both values. Infinite without members, and for openings with few opposite
-        walls at the
-        edge of the surface.
-        """
+        The width is at least half of 4 area / perimeter, the width of a long slit. An opening with few opposite walls,
+        such as a triangle, counts with the side of the square of equal area. If 5 to 25 % of the walls are opposite,
+        the result is the weighted harmonic mean of both widths. It is infinite without members, and for openings with
+        few opposite walls at the edge of the surface."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -106,8 +103,7 @@ class Openings:
         return self.slits & (self.narrowness < split_value(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """Number of slits along members of a family, material cells (m',), and the share of their wall length
-        beside slits."""
+        """Number of slits along the members of a family (m',), and the share of their wall length beside slits."""
         own_edges = np.zeros(len(self.void.whole.edges.ends), dtype=bool)
         own_edges[self.void.whole.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
@@ -125,9 +121,8 @@ class Openings:
     @cached_property
     def _width_ratio(self) -> Floats:
         """(k,) length of lines across over the narrower of the two members at their ends; NaN without."""
-        return np.asarray(
-            self._crossings.width / np.fmin(*self._member_widths[self.void.whole_edges[self._crossings.walls]].T)
-        )
+        member = self._member_widths[self.void.whole_edges[self._crossings.walls]]
+        return np.asarray(self._crossings.width / np.fmin(*member.T))
 
     @cached_property
     def _opening_of_edge(self) -> Ints:
@@ -189,9 +184,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, nearly equal openings of about that size are filled all or none.
 
-    The size of an opening is its median width along the walls, but between half of and all of 4 area / perimeter. For
-    example, a triangle with a long tip has opposite walls in the tip alone, and is wider elsewhere. An opening takes
-    the family of a neighbouring material cell.
+    The size of an opening is its median width along the walls, limited to between half and all of 4 area / perimeter,
+    because a triangle with a long tip has opposite walls in the tip only.
     """
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
@@ -199,9 +193,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     candidates = openings.subset(may_be_small)  # fewer openings take a tenth of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
-    smaller = np.clip(
-        width, candidates.hydraulic_diameters / 2, candidates.hydraulic_diameters
-    )  # half of it is the width of a long slit
+    diameters = candidates.hydraulic_diameters
+    smaller = np.clip(width, diameters / 2, diameters)  # half of the diameter is the width of a long slit
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())
@@ -247,7 +240,7 @@ SNAP = 2e-3
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """A rectangular strip across void cells (c,): it begins in the first cell, and takes the family `family`.
+    """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
     middle : (3,).    axes : (2, 3) unit vectors along and across.    half : (2,) half of its length and width, metres.
     """
@@ -276,9 +269,8 @@ class Strip:
             cell = waiting.pop()
             coordinates = strip.local_coordinates(surface.V[surface.F[cell]])
             next_coordinates = np.roll(coordinates, -1, axis=1)
-            crossed = (
-                (np.minimum(coordinates, next_coordinates) < 1) & (np.maximum(coordinates, next_coordinates) > -1)
-            ).all(axis=0)
+            low, high = np.minimum(coordinates, next_coordinates), np.maximum(coordinates, next_coordinates)
+            crossed = ((low < 1) & (high > -1)).all(axis=0)
             new_cells = [c for c in sheet.walls.void_neighbours[cell][crossed].tolist() if c >= 0 and c not in seen]
             seen += new_cells
             waiting += new_cells
@@ -334,7 +326,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """The cells with the small openings beside strips filled; vertices of strips are not among the first `before`."""
+    """Fill small openings beside strips. New vertices, from the number `before` on, belong to strips."""
     openings = openings_of(cells)
     if openings is None:
         return cells

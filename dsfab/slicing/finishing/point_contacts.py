@@ -72,13 +72,13 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 
 
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
-    """The sheet with a disc or a corner cut at each of the pinches (k,), and their number."""
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
         if turn:  # a disc of an earlier group may have removed some pinches
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
-            distance = _corner_distance(sheet, group, radius) if corners else _distance_to_pinches(sheet, group)
+            V = sheet.surface.V
+            distance = _corner_distance(sheet, group, radius) if corners else cKDTree(V[group]).query(V)[0]
             sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
     return sheet, count
 
@@ -122,24 +122,13 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
     return groups
 
 
-def _distance_to_pinches(sheet: Sheet, pinches: Ints) -> Floats:
-    V = sheet.surface.V
-    return np.asarray(cKDTree(V[pinches]).query(V)[0])
-
-
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge); cuts of both ends never
-    meet.
-    """
-    surface = sheet.surface
-    x = np.full(surface.n, radius / 0.4)
-    pinch = np.zeros(surface.n, dtype=bool)
-    pinch[pinches] = True
-    for p, q in (surface.edges.ends.T, surface.edges.ends[:, ::-1].T):
-        starts_at_pinch = pinch[p]
-        np.maximum.at(
-            x, q[starts_at_pinch], np.linalg.norm(surface.V[p[starts_at_pinch]] - surface.V[q[starts_at_pinch]], axis=1)
-        )
+    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge), so that no cuts meet."""
+    V, ends = sheet.surface.V, sheet.surface.edges.ends
+    x = np.full(len(V), radius / 0.4)
+    for p, q in (ends.T, ends[:, ::-1].T):
+        p, q = p[np.isin(p, pinches)], q[np.isin(p, pinches)]
+        np.maximum.at(x, q, np.linalg.norm(V[p] - V[q], axis=1))
     x[pinches] = 0
     return x
 

@@ -43,11 +43,10 @@ class Spike(NamedTuple):
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
-    """Cut teeth off the material; return also their number. Without teeth it returns the same cells.
+    """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    cells : all cells, material and void, without pinches. Only material beyond a chord becomes void. No other wall and
-            no edge of the surface lies there, so that parts stay connected.
-    """
+    Only material beyond a chord becomes void. No second wall and no edge of the surface lies there, so that parts stay
+    connected. Without teeth the function returns the same cells."""
     count = 0
     for _ in range(4):  # neighbouring teeth are cut off one after the other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -68,8 +67,8 @@ def _spikes(cells: Sheet) -> list[Spike]:
             reverse=True,
         )
         longest = min(FAR * width, float(walls.total[walls.chain[tip]]))
-        stretches = (_stretch(walls, tip, i, j) for length, i, j in pairs if length < longest)
-        teeth = (_tooth(cells, stretch, width) for stretch in stretches)
+        ranges = (np.arange(-i, j) for length, i, j in pairs if length < longest)
+        teeth = (_tooth(cells, walls.walls_ahead(np.full(len(k), tip), k)[0], width) for k in ranges)
         spikes.append(next((tooth for tooth in teeth if tooth is not None), None))
     return [spike for spike in spikes if spike is not None]
 
@@ -94,10 +93,6 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
         if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
     return corners
-
-
-def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
-    return walls.walls_ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:

@@ -37,18 +37,13 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar of polygons (c,), as wide as the narrower contact; None without two square
-        contacts.
-        """
+        """Return the straight bar of polygons (c,), as wide as its narrower contact; None without two contacts that
+        are nearly square to it."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
         ends, step = contacts.mean(axis=1), np.diff(contacts, axis=1)[:, 0]
-        bar_slots = cells[mesh.cells.owner]
-        spoke, ahead = (
-            mesh.X[vertices[bar_slots]] - ends[0]
-            for vertices in (mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner))
-        )
+        spoke, ahead = (mesh.X[vertices] - ends[0] for vertices in mesh.cells.sides(cells))
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
@@ -60,18 +55,15 @@ class FairBar:
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the mean bow and widths of its walls, by least squares; None if too steep or without
-        width.
-        """
+        """Return the bar with the mean bow and widths of its walls, by least squares; None if steep or too thin."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
         side = np.where(ahead > 0, -1, 1)  # walls run counter-clockwise, so ahead on the right
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
-        (a, b, *half), *_ = np.linalg.lstsq(
-            (basis * weight[:, None])[between_ends], (y * weight)[between_ends], rcond=None
-        )
+        equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
+        (a, b, *half), *_ = np.linalg.lstsq(*equations, rcond=None)
         bowed = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
         steepest = np.abs(bowed._bow_at(np.linspace(0, 1, 21))[1]).max()
         return bowed if steepest < 1 and min(half) > 0 else None
@@ -130,15 +122,12 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
         return np.empty((0, 2, 3))
     start, end = cells.corner[contact_slots], cells.next_values(cells.corner)[contact_slots]
-    count, place = link_components(
-        len(contact_slots), *adjacent_sides(np.zeros_like(contact_slots), np.stack([start, end], axis=1), len(mesh.X))
-    )
+    touching = adjacent_sides(np.zeros_like(contact_slots), np.stack([start, end], axis=1), len(mesh.X))
+    count, place = link_components(len(contact_slots), *touching)
     contacts = []
     for k in range(count):
-        begins, finishes = (
-            np.setdiff1d(start[place == k], end[place == k]),
-            np.setdiff1d(end[place == k], start[place == k]),
-        )
+        a, b = start[place == k], end[place == k]
+        begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
         if len(begins) != 1 or len(finishes) != 1:  # the contact is closed, or two contacts meet
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
@@ -167,7 +156,8 @@ def with_straight_bars(
 
     Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
-    nodes, near_singular, count = _nodes_and_closed(mesh), _near_singular(mesh, surface, fields), 0
+    nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
+    near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
         return mesh, count
     bars = _askew_bars(mesh, nodes, near_singular, tidy)
@@ -181,10 +171,6 @@ def with_straight_bars(
     return mesh, count
 
 
-def _nodes_and_closed(mesh: PolygonMesh) -> Bools:
-    return np.asarray(nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void))
-
-
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
     """Mask (c,) of material beside faces where its field has no phase."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
@@ -193,8 +179,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
-    overlap.
+    """Disjoint bars to replace: nodes (c,) with the stripes that touch them, and stripes near singular points (c,).
 
     Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
@@ -222,9 +207,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons (c,) of a bar by the new bar; return also the old polygon (c',) of each. None for a large
-    change.
-    """
+    """Replace polygons (c,) of a bar by the new bar, or return None for a large change; and each old polygon (c',)."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, result, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
     for side in (0, 1):

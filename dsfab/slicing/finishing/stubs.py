@@ -50,9 +50,8 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
         if not lumps.any() or not mesh.void.any():
             break
         bars = _Bars.from_polygons(mesh, dependent_polygons(mesh, tidy, lumps))
-        removed = bars.cut & (
-            (bars.eyelets & (bars.opening_count == 2)) if include_crossings else (bars.lumps | bars.eyelets)
-        )
+        good = bars.eyelets & (bars.opening_count == 2) if include_crossings else bars.lumps | bars.eyelets
+        removed = bars.cut & good
         mesh = replace(mesh, family=np.where(removed[bars.label] & (bars.label >= 0), VOID, mesh.family))
         count += int(removed.sum())
     return mesh, count
@@ -93,16 +92,14 @@ class _Bars:
         around = (opening[owner] >= 0) & (void < 0)
         wall = (bar >= 0) & (void < 0) & ~((beyond >= 0) & (label[beyond] >= 0))
         borders_void = (bar >= 0) & (void >= 0)
-        pair, pair_of_side = np.unique(
-            np.stack([bar[borders_void], void[borders_void]], axis=1), axis=0, return_inverse=True
-        )
+        pairs = np.stack([bar[borders_void], void[borders_void]], axis=1)
+        pair, pair_of_side = np.unique(pairs, axis=0, return_inverse=True)
         area = mesh.cells.areas(mesh.X)[0]
         open_area = np.bincount(opening[mesh.void], area[mesh.void], openings)
         perimeter = np.bincount(opening[owner[around]], length[around], openings)
         contact_sides = wall & (beyond >= 0)
-        cut = _stays_connected(mesh, label, contact_sides, beyond) & (
-            _turns(mesh, label, np.flatnonzero(contact_sides)) < TURN
-        )
+        cut = _stays_connected(mesh, label, contact_sides, beyond)
+        cut &= _turns(mesh, label, np.flatnonzero(contact_sides)) < TURN
         return cls(
             label,
             np.bincount(label[removable], area[removable], bars).astype(np.float64),
@@ -211,10 +208,8 @@ def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
 def _angles(mesh: PolygonMesh) -> Floats:
     cells, X = mesh.cells, mesh.X
     corner_slot, next_slot = cells.following, cells.following[cells.following]
-    u, v = (
-        X[cells.corner[neighbour]] - X[cells.corner[corner_slot]]
-        for neighbour in (np.arange(len(corner_slot)), next_slot)
-    )
+    own, before, after = X[cells.corner[corner_slot]], X[cells.corner], X[cells.corner[next_slot]]
+    u, v = before - own, after - own
     angles = np.empty(len(corner_slot))
     angles[corner_slot] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("hi,hi->h", u, v))
     return angles

@@ -61,13 +61,12 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
     flat = surface.F.ravel()
     first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SLICING_SAME))
     chart_surface = Surface(surface.V[flat[first_corner]], vertex.reshape(-1, 3))
-    return Chart(
-        chart_surface, mesh.parent[cell], mesh.weights[flat[first_corner]], z[first_corner], scale[first_corner]
-    )
+    weights = mesh.weights[flat[first_corner]]
+    return Chart(chart_surface, mesh.parent[cell], weights, z[first_corner], scale[first_corner])
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each row."""
+    """Group rows with equal key (k,) and equal whole numbers (k, r): the first row of each group, each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these few rows need sorting
@@ -259,7 +258,7 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end.
+    """Pieces (s,) of middles: their faces, their numbers, and the slots (s, 2) of the face at which they end.
 
     Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3."""
 
@@ -297,7 +296,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """(s, 3) coordinates of the ends at slots (s,) of pieces z = 0, z (s, 3) at the corners."""
+    """(s, 3) coordinates of the point z = 0 at slots (s,) of faces; z (s, 3) are values at their corners."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]

@@ -42,10 +42,7 @@ def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
 
 
 def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
-    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
-
-    uncut : the surface that `sheet` was cut from.
-    """
+    """Vertices (k, 3) of the outline of a material sheet, cut from `uncut`, metres, where two curves meet."""
     _, a, b, family = outline_labels(sheet, uncut)
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
     for end in (a, b):
@@ -55,7 +52,7 @@ def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
 
 
 def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
-    """(k,) mask of edges a - b on the uncut boundary: the weights of both ends use only the ends of a boundary edge."""
+    """(k,) mask of edges a - b on the uncut boundary: both ends lie between the ends of one boundary edge."""
     stand = csr_array(sheet.weights[a] + sheet.weights[b])
     stand.eliminate_zeros()
     stand.sort_indices()
@@ -93,9 +90,8 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
     segment     : (v,) the segment; two faces may see the same one, along their common edge.
     F           : (m, 3) the uncut faces.
     """
-    ends = view_ends @ _parent_coordinates(
-        chart.weights, chart.surface.F[face], chart.parent[face], F
-    )  # these are barycentric coordinates on the uncut faces
+    corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
+    ends = view_ends @ corners  # barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -142,9 +138,8 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
     first_rows = np.flatnonzero(begins_span)
     span_end = np.maximum.reduceat(end, first_rows) if len(first_rows) else end
     start = np.where(begin[first_rows] < LEAST, 0.0, begin[first_rows])
-    return Spans(
-        segment[first_rows], start, np.where(span_end > 1 - LEAST, 1.0, span_end), np.cumsum(begins_span) - 1, cell
-    )
+    span_end = np.where(span_end > 1 - LEAST, 1.0, span_end)
+    return Spans(segment[first_rows], start, span_end, np.cumsum(begins_span) - 1, cell)
 
 
 class Middle(NamedTuple):
@@ -195,9 +190,8 @@ class Chords:
     @classmethod
     def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        crossed_slot = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(
-            -1, 2
-        )  # corners come first, then sides
+        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # corners come first, then sides
+        crossed_slot = np.nonzero(meets)[1].reshape(-1, 2)
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
         coordinates = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
@@ -209,7 +203,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """(v, 2) nodes at corners (where `at_corner`) or on the sides after them, and (nodes, 3) their points, metres."""
+    """(v, 2) nodes at corners (where `at_corner`) or on the sides behind corners; (nodes, 3) all points, metres."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # the sheet has no edges at cuts of the chart
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -232,9 +226,8 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : values of `sheet.family`. The result leaves out lines that run through such cells only, because they
-                 pass
-                 below another member and the cut made no member along them."""
+    passing    : values of `sheet.family`. Lines that run through such cells only are left out, because these cells
+                 belong to members that cross the line."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -254,9 +247,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """(p, 2) the nodes of the parts of the segments, at most two parts at each node, and the points of all nodes.
+    """(p, 2) the nodes of parts of segments, at most two parts at each node; and the points of all nodes, metres.
 
-    A cut segment gets a separate node. If more than two segments meet, all of them end there."""
+    A cut segment gets a separate node. Where more than two segments meet, all of them end."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -270,13 +263,13 @@ def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
 
 
 def dominant_number(number: Ints, weight: Floats) -> int:
-    """The number (k,) with the largest sum of weights (k,)."""
+    """Return the number with the largest sum of weights, among numbers (k,) with weights (k,)."""
     values, group = np.unique(number, return_inverse=True)
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
 BOUNDARY = "boundary"
-"""The family of an edge on the boundary of the uncut surface."""
+"""The name of the family of edges on the boundary of the uncut surface."""
 
 STRIPES = ("major", "minor")
 """The families of a chart, in its order."""
@@ -338,7 +331,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """(k,) mask of edges (k,) around a loop of vertices that belong to another stripe than the edge before."""
+        """(k,) mask of edges (k,) around a loop of vertices whose stripe differs from that of the edge before."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -393,8 +386,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """The boundary as loops of vertices, with a two-sided surface on their left, and the half-edge after each
-    vertex."""
+    """Loops of boundary vertices, with a two-sided surface on their left, and the half-edge after each vertex."""
     table = surface.edges
     half_edge = table.order[table.start[:-1][table.boundary]]
     start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()

@@ -89,8 +89,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     bands : one for each field of the cut, in order.
     snap  : snap fraction of hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed it and other material only covers its
-    place.
+    A stripe that made no cell material is left out, because finishing removed this stripe.
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
@@ -104,16 +103,10 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     source = mesh.parent[cell]
     family = sheet.family[source]
     weights = csr_array(mesh.weights @ sheet.weights)
-    triangles = PolygonMesh.from_cells(
-        base.F, Cells.triangles(surface.F), surface.V, mesh.weights, source, np.full(surface.m, VOID)
-    )
-    divided = Sheet(surface, sheet.parent[source], family, weights)
-    return _labelled_overlay(
-        divided,
-        source,
-        [_BandOnCells.from_band(triangles, *field_and_band) for field_and_band in zip(fields, bands, strict=True)],
-        bands,
-    )
+    triangles, void = Cells.triangles(surface.F), np.full(surface.m, VOID)
+    divided_base = PolygonMesh.from_cells(base.F, triangles, surface.V, mesh.weights, source, void)
+    stripes = [_BandOnCells.from_band(divided_base, x, band) for x, band in zip(fields, bands, strict=True)]
+    return _labelled_overlay(Sheet(surface, sheet.parent[source], family, weights), source, stripes, bands)
 
 
 def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:
@@ -138,8 +131,8 @@ class _BandOnCells:
     """A field on triangles.
 
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
-    number : (m,) the nearest level, and off : (m,) the distance of the centroid from it.
-    sign, shift : (m, 3) from the values at the vertices to those at corners.    blank : (m,)
+    number : (m,) the level nearest to the centroid.    off : (m,) distance of the centroid from this level.
+    sign, shift : (m, 3) from values at vertices to values at corners.    blank : (m,) mask of triangles without values.
     """
 
     F: Ints
@@ -179,8 +172,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """(m, 3) z - number in marked cells (m,), NaN elsewhere.
 
-        Zeros move, at all corners of a vertex, to the side with less of the stripe. Then lines along a sheet's edge
-        cross cells.
+        Zeros move to the side with less of the stripe, at all corners of a vertex, so that every line crosses cells.
         """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO

@@ -97,21 +97,14 @@ def bays(middles: StripeMiddles) -> Bays:
     count, bay = _bay_labels(middles, piece, end, number, inner, barrier)
     crossed = np.concatenate([np.repeat(np.arange(len(face)), inner), np.nonzero(on_middle)[0]])
     crossing_coordinates = np.concatenate([coordinates[number > 0], middles.at[on_middle]])
-    return Bays(
-        middles,
-        piece,
-        coordinates,
-        share * middles.length[piece],
-        bay,
-        count,
-        _angles(middles, face[crossed], crossing_coordinates),
-    )
+    angles = _angles(middles, face[crossed], crossing_coordinates)
+    return Bays(middles, piece, coordinates, share * middles.length[piece], bay, count, angles)
 
 
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part; parts connect at nodes without a `barrier` (j,)."""
+    """Number of bays, and the bay of each part; parts connect at nodes (j,) that are not barriers."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -161,7 +154,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """(j,) nodes of two pieces on the same side of a stress that is clear in both: the member turns back."""
+    """(j,) mask of nodes where a member turns back against a clear direction of the stress."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # zero counts as ahead
@@ -179,7 +172,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Strips of material in which a sheet leaves a ball.
+    """Strips of material that run out of a ball around a place of a sheet.
 
     direction : (a, 3) unit vectors towards the strips; two zero vectors for a ball that material surrounds.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
@@ -193,16 +186,14 @@ class Arms(NamedTuple):
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """True if a member ends here or turns back.
+        """True if a member of a width in metres ends here or turns back.
 
-        The second arm is unfolded around the edge of the surface, so that a member around a sharp edge counts as
-        straight.
+        The second arm is unfolded around an edge of the surface, so that a member around a sharp edge is straight.
         """
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
-        return (
-            float(self.direction[0] @ transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
-        )
+        unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
+        return float(self.direction[0] @ unfolded) > 0
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
@@ -240,7 +231,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that may meet the ball, with edges up to half its radius; the whole sheet if no face does."""
+    """The faces that may meet the ball, with edges up to half its radius; the whole sheet without such faces."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -253,9 +244,8 @@ def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
 
 def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float) -> Floats:
     a, b = sheet.edges.ends[edge].T
-    share = np.clip(
-        (radius - distance[a]) / np.where(distance[a] == distance[b], 1.0, distance[b] - distance[a]), 0, 1
-    )[:, None]
+    step = np.where(distance[a] == distance[b], 1.0, distance[b] - distance[a])
+    share = np.clip((radius - distance[a]) / step, 0, 1)[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
@@ -376,8 +366,6 @@ def pattern_quality(
 def _family(
     chart: StripeChart, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
-    """Quality of family k: its members should run along direction k, and its phase should grow along the second
-    direction."""
     shown = bool((chart.d[:, k] > 0).any())
     area, has_spacing, slope = chart.surface.areas, chart.steep(k) & shown, chart.slope[k]
     spacing = 1 / slope
