@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, lock
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.walls import Walls
 from dsfab.surface import Surface, spanned_edges
@@ -29,34 +29,34 @@ ON_SIMPLEX = 1 - 1e-9
 class SheetPart:
     """Cells of a cut surface as a surface of their own.
 
-    whole   : the cut surface.    surface : the part, with k vertices.
-    cells, vertices : (f,), (k,) the indices of its cells and vertices in `whole`, ascending.
+    cut_surface : all cells.    surface : the part.
+    cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending.
     """
 
-    whole: Surface
+    cut_surface: Surface
     surface: Surface
     cells: Ints
     vertices: Ints
 
     @classmethod
-    def from_cells(cls, whole: Surface, mask: Bools) -> Self:
+    def from_cells(cls, cut_surface: Surface, mask: Bools) -> Self:
         """Return the marked cells (m',) of a cut surface, which must be at least one."""
-        F, used = whole.F[mask], np.zeros(whole.n, dtype=bool)
+        F, used = cut_surface.F[mask], np.zeros(cut_surface.n, dtype=bool)
         used[F] = True
-        surface = Surface(whole.V[used], (np.cumsum(used) - 1)[F])
-        return cls(whole, surface, np.flatnonzero(mask), np.flatnonzero(used))
+        surface = Surface(cut_surface.V[used], (np.cumsum(used) - 1)[F])
+        return cls(cut_surface, surface, np.flatnonzero(mask), np.flatnonzero(used))
 
     @cached_property
-    def whole_edges(self) -> Ints:
-        """(e,) the edge of `whole` at each edge of the part."""
+    def parent_edges(self) -> Ints:
+        """(e,) the edge of `cut_surface` at each edge of the part."""
         edges = np.empty(len(self.surface.edges.ends), dtype=np.int64)
-        edges[self.surface.edges.of] = self.whole.edges.of[self.cells]
+        edges[self.surface.edges.of] = self.cut_surface.edges.of[self.cells]
         return edges
 
     @cached_property
     def walls(self) -> Bools:
-        """(e,) mask of the boundary edges of the part that lie inside `whole`."""
-        return np.asarray(self.surface.edges.boundary & ~self.whole.edges.boundary[self.whole_edges])
+        """(e,) mask of the boundary edges of the part that lie inside `cut_surface`."""
+        return np.asarray(self.surface.edges.boundary & ~self.cut_surface.edges.boundary[self.parent_edges])
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,8 +146,7 @@ class Sheet:
         row, column = weights.coords
         corner_place = (F[parent[row]] == column[:, None]).argmax(axis=1)
         values = weights.data[:, None] * x[parent[row], corner_place]
-        total = np.stack([np.bincount(row, v, self.surface.n) for v in values.T], axis=1)
-        return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
+        return np.asarray(np.where((corner >= 0)[:, None], group_sums(row, values, self.surface.n), 0.0))
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums
 from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
@@ -128,9 +128,7 @@ class Walls:
         """(n', 3) sum of the normals of the void cells around each vertex, weighted by area."""
         cells = np.flatnonzero(self.void)
         vector = (self.surface.normals * self.surface.areas[:, None])[cells]
-        vertex = self.surface.F[cells].ravel()
-        columns = [np.bincount(vertex, np.repeat(column, 3), self.surface.n) for column in vector.T]
-        return np.stack(columns, axis=1).astype(np.float64)
+        return group_sums(self.surface.F[cells].ravel(), np.repeat(vector, 3, axis=0), self.surface.n)
 
 
 def next_in_chains(chain: Ints) -> Ints:

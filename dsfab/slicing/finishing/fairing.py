@@ -1,4 +1,4 @@
-"""Fair walls: wall vertices moved onto smooth curves, and long wall edges divided where they bend."""
+"""Smooth walls: wall vertices moved onto smooth curves, and long wall edges divided where the curves bend."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from scipy.sparse.linalg import spsolve
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.slicing.cutting.sheet import Sheet, weight_entries
 from dsfab.slicing.cutting.walls import Walls
-from dsfab.slicing.finishing.mesh_quality import independent
+from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
 
 CORNER = float(np.radians(25))
@@ -23,10 +23,12 @@ BEND = 0.4
 
 
 class Freedom(NamedTuple):
-    """Possible moves of wall vertices. vertex : (k,).    along : (k, 2, 3) unit directions, 0 for a missing one.
+    """Possible moves of wall vertices (k,).
 
+    along : (k, 2, 3) unit directions, 0 for a missing direction.
     share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices."""
+    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
+    """
 
     vertex: Ints
     along: Floats
@@ -36,12 +38,14 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """Make the walls between material and void of a sheet without pinches as fair as the mesh allows.
+    """Make the walls between material and void of a sheet without pinches as smooth as the mesh allows.
 
-    Minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d is the move across the wall, k
-    the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay; waves of wave
-    number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in
-    their uncut faces; vertices of the uncut surface stay where they are.
+    The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
+    across the wall, k the curvature in the surface, and a and b are numbers of wall segments. Circles and straight
+    lines
+    stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba
+    1990].
+    Cells stay in their uncut faces, and vertices of the uncut surface stay in place.
     """
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
@@ -58,7 +62,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut vertices.
 
-    A vertex on an edge slides along it, and a vertex within a face moves anywhere in it. Uncut vertices are left out.
+    A vertex on an edge can move along the edge, and a vertex within a face anywhere in the face. Uncut vertices are
+    left
+    out.
     """
     column, weight = weight_entries(weights)
     has_weight = weight > 0
@@ -84,7 +90,6 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
 
 
 def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
-    """(k, 2) metres along the directions of the vertices that make walls fair."""
     n, walls = sheet.surface.n, sheet.walls
     place = np.full(n, -1)
     place[free.vertex] = np.arange(len(free.vertex))
@@ -102,7 +107,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # nearer vertices count at this distance
+        q, least = points[used], 0.02 * segment[used]  # nearer vertices count as this far apart
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -113,7 +118,7 @@ def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
         rows.append(row)
         right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weighs moves along a wall
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weight limits moves along a wall
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
@@ -128,7 +133,9 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """(k, order + 1) weights of points P (k, order + 1, 3) in the derivative along them, and (k,) their lengths."""
+    """Weights (k, order + 1) that give a derivative along lines through points P (k, order + 1, 3); lengths (k,),
+    metres.
+    """
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -154,8 +161,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # degrees
-    for attempt in itertools.count():  # undoing one move may make a neighbouring cell slim
+    slimmest, halvings = 0.5, 7  # the slimmest angle is in degrees
+    for attempt in itertools.count():  # a smaller move may make a neighbouring cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -165,14 +172,6 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     row = np.repeat(free.vertex, 3)
     change = csr_array((added.ravel(), (row, free.column.ravel())), shape=sheet.weights.shape)
     return replace(sheet, surface=Surface(V, surface.F), weights=csr_array(sheet.weights + change))
-
-
-def least_angles(P: Floats, normals: Floats) -> Floats:
-    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
-    sides = np.roll(P, -1, axis=1) - P
-    back = -np.roll(sides, 1, axis=1)
-    twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
-    return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +251,7 @@ def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints
 
 
 def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
-    """(k,) True if the four cells at a new vertex keep half of their smallest angle, or 2 degrees."""
+    """(k,) True if the four cells at a new vertex keep half of their former smallest angle, or 2 degrees."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)

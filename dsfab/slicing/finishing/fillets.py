@@ -1,11 +1,11 @@
-"""Fillets at the corners of openings: chords of arcs, and discs rolled into blunt tips."""
+"""Round corners of openings: arcs as chords, also where a disc that rolls along the walls stops at a blunt tip."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
@@ -13,17 +13,17 @@ from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 from dsfab.slicing.finishing.flat_openings import FlatOpenings, flat_openings_of, nearest_in_plane
-from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs, unit
+from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
 
 
 @dataclass(frozen=True, eq=False)
 class DiscStops:
-    """Stops of discs that roll in the flat.
+    """Places where discs that roll along the walls of flat openings stop, because they touch two walls.
 
-    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to the two walls that the disc
-             touches.
-    a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
+    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
+    a, b   : (p,) these walls, as places in `FlatOpenings.wall`.
+    share_a, share_b : (p,) shares of the walls' lengths that lie before the points of contact.
     """
 
     middle: Floats
@@ -69,7 +69,7 @@ def _arcs_in_planes(
         foot = walls.points(w, share) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
-        return p, unit(n)
+        return p, unit_vectors(n)
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
@@ -93,7 +93,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
-        ahead = unit(np.roll(loop, -1, axis=0) - loop)
+        ahead = unit_vectors(np.roll(loop, -1, axis=0) - loop)
         back = np.roll(ahead, 1, axis=0)
         turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
         turns = turn > SHARPEST
@@ -104,9 +104,10 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """The stops beyond which no second disc has room, and for each a near and a far wall (p,) beyond the stop.
+    """The stops beyond which no second disc has room; and for each stop a near and a far wall (p,) beyond it.
 
-    An opening may widen again behind a neck; such a stop is not a tip."""
+    An opening may widen again behind a neck; such a stop is not a tip.
+    """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -118,7 +119,7 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points at the foot of the arc do not count
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points near the foot of the arc do not count
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
@@ -148,8 +149,9 @@ class Fillets:
     wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
-    The filled region is beyond a chord and within both rays. Rays run from the middle through the feet. They are needed
-    if the walls turn away so sharply at a foot that the void beside it lies beyond the chord as well.
+    An arc fills the region beyond a chord and within both rays. Rays run from the middle of the arc through its feet.
+    They
+    are needed if the walls turn so sharply at a foot that the void beside the foot lies beyond the chord as well.
     """
 
     wall: Ints
@@ -181,7 +183,7 @@ class Fillets:
 
     @classmethod
     def from_parts(cls, parts: Sequence["Fillets"]) -> "Fillets":
-        """Concatenate fillets."""
+        """Join several sets of fillets."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
@@ -362,7 +364,8 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along the chords of their arcs (c,), -1 for none; return also old polygons and a mask to fill.
+    """Cut polygons along the chords of their arcs (c,), -1 for none; return the mesh, old polygons, and polygons to
+    fill.
 
     corner : (k,) the vertex that each arc rounds.    size : of the surface, metres.
     """
@@ -391,7 +394,9 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """(n',) metres of active polygons' vertices beyond a plane (k, 3), (k,) of their arc (c,); 0 under `snap` (k,)."""
+    """(n',) metres beyond a plane (k, 3), (k,) of the arc (c,) of each active polygon, at its vertices; 0 under
+    `snap` (k,).
+    """
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

@@ -44,7 +44,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Rounding and bridging repeat at most ROUNDING_ROUNDS times; gaps under BRIDGED_SHARE of a neck get a bridge."""
+"""Rounding and bridging repeat at most ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE of a neck get a bridge."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass before the polygons are filled with triangles: it returns all polygons, and the number of changed details."""
@@ -115,7 +115,6 @@ class FinishingOptions(NamedTuple):
 
     @property
     def rounded_neck(self) -> float:
-        """Metres below which openings with round corners are bridged, except tips; 0 for none."""
         return BRIDGED_SHARE * self.neck if self.fillet and self.merge != "none" else 0.0
 
     @property
@@ -166,7 +165,9 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells with their names, in order; results of a trial cut replace passes."""
+    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that it
+    contains.
+    """
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -228,10 +229,10 @@ def _with_round_corners(
     """Round corners, and repeat with bridges and wider members where the result is too narrow."""
     if trial and trial.bridged and trial.options.member == options.member:
         return trial.bridged
-    first, previous_count = trial.rounded if trial else None, sheet.cells.surface.m
+    first_rounded, previous_count = trial.rounded if trial else None, sheet.cells.surface.m
     for attempt in range(ROUNDING_ROUNDS + 1):
-        rounded = first or _rounded_once(sheet, options)
-        first = None
+        rounded = first_rounded or _rounded_once(sheet, options)
+        first_rounded = None
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
@@ -243,7 +244,7 @@ def _with_round_corners(
 
 def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSheet:
     cells, radii = rounded_corners(sheet.cells, options.fillet)
-    # round corners narrow the openings
+    # because round corners narrow the openings
     cells, merged = filled_slits(cells, options.merge) if options.merge != "none" and len(radii) else (cells, 0)
     return replace(sheet.with_cells(cells, merged=merged), radii=radii)
 
@@ -264,9 +265,9 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Remove narrow places. Strips leave needles with edges of a micrometre, so cells are improved without a move.
-
-    On such needles quadrature and sparse solvers lose digits."""
+    """Widen narrow places. New strips leave needles with tiny edges, which ruin finite elements, so cells are
+    improved.
+    """
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:
@@ -287,7 +288,7 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """The cut of a pattern from the search for its widths: slicing with the same options continues from it.
+    """The cut of a pattern from the search for its widths. Slicing with the same options continues from this cut.
 
     inputs  : fields, levels and tidy of the pattern.    cells : as they were cut.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
@@ -310,7 +311,7 @@ class TrialCut:
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether this is the cut along these fields, levels and tidy, by identity."""
+        """Return whether these fields, levels and tidy are the same objects as those of this cut."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.core.derived import derived
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.cutting.walls import next_in_chains
-from dsfab.slicing.finishing.opening_corners import TINY, unit
+from dsfab.slicing.finishing.opening_corners import TINY
 from dsfab.surface import NearestPlaces, nearest_places
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 SMOOTH = 1e-3
-"""Shorter steps of an offset shape, as a share of the offset, are rounding errors."""
+"""Steps of an offset shape below this share of the offset are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +47,7 @@ class FlatOpenings:
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """The middles of all discs of a radius, metres, that lie inside."""
+        """The region of the middles of all discs of a radius, metres, that lie inside."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
@@ -102,13 +102,13 @@ def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.Cro
 
 
 def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
-    mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
-    first_axis = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
+    mean = unit_vectors(group_sums(label, normal, count))
+    first_axis = unit_vectors(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
     return np.stack([first_axis, np.cross(mean, first_axis)], axis=1)
 
 
 LONG, BULKY = 4.0, 0.7
-"""Least length of a blind alley, in radii, and least share of the area of a strip as wide as its mouth."""
+"""Limits for a blind alley: least length, in radii, and least area, as a share of a strip as wide as its mouth."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +135,7 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
-    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller: rounding errors
+    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # the rest are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -186,7 +186,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """The stretches (s, 2) of the wall (r, 2) around a blind alley near its mouth, one on each side."""
+    """The stretches (s, 2) of the wall (r, 2) on both sides of the mouth of a blind alley."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
     low, high = 1.2 * radius, 3.2 * radius  # distances from the mouth, along the walls
     sides = []

@@ -1,4 +1,4 @@
-"""Least widths for a workshop: narrow members widened, narrow necks of openings bridged or filled."""
+"""Least widths for a workshop: strips widen narrow members, and bridges or fillings remove narrow necks of openings."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
 LOCAL = 0.8
-"""A member is narrow if its width is below this share of the median width of all members."""
+"""A member is narrow if its width is below this share of the median width."""
 NOWHERE = np.empty((0, 2, 3))
 
 
@@ -58,7 +58,9 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members narrower than `least` metres, also between an opening and an edge."""
+    """(k, 2, 3) points on both sides of members under `least` metres, also of members between an opening and an
+    edge.
+    """
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -81,7 +83,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
 
 
 REACH = 0.25
-"""Length of a bridge past its neck, in widths, because walls may be oblique."""
+"""Length of a bridge beyond its neck, in widths of the bridge, because walls may be oblique."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,9 +169,9 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `least` metres in the `rounded` sheet; return also the number of places.
+    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of places.
 
-    A call makes only strips that do not touch each other.
+    A call adds only strips that do not touch each other.
     """
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
@@ -185,7 +187,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """(k,) metres along the opening from one of two walls (k, 2) to the other; infinite between two openings."""
+    """(k,) metres along the opening between two walls (k, 2); infinite for walls of different openings."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -197,7 +199,9 @@ MOST_ROUNDS = 40
 TURNS = 6
 """Most rounds of widening and bridging, because wider members leave narrower openings."""
 SNAP = 0.05
-"""Vertices within this share of half a strip's width of its side move onto it: tiny edges ruin finite elements."""
+"""Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
+elements.
+"""
 
 
 class LeastWidths(NamedTuple):
@@ -227,7 +231,7 @@ def with_least_widths(
     for _ in range(TURNS):
         cells, bridges = _with_bridged_gaps(cells, gap)
         add_strips = partial(_with_side_strips, member=member)
-        cells, strips = _repeated(add_strips, cells, MOST_ROUNDS if member else 0)
+        cells, strips = _until_stable(add_strips, cells, MOST_ROUNDS if member else 0)
         bridged, widened = bridged + bridges, widened + strips
         if not strips:
             break
@@ -235,11 +239,11 @@ def with_least_widths(
         return LeastWidths(cells, filled, 0, 0)
     cells, specks = _without_specks(cells, gap)
     cells, merged = filled_slits(cells, merge) if merge != "none" else (cells, 0)
-    cells, necks = _repeated(lambda sheet: bridged_gaps(sheet, sheet, neck, neck), cells, TURNS if neck else 0)
+    cells, necks = _until_stable(lambda sheet: bridged_gaps(sheet, sheet, neck, neck), cells, TURNS if neck else 0)
     return LeastWidths(cells, filled + specks, bridged, widened, merged, necks)
 
 
-def _repeated(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
+def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
     """Change cells until a round changes nothing, or all rounds are over; return also the number of changes."""
     total = 0
     for _ in range(rounds):
@@ -275,7 +279,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
         return cells, 0
     half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # ends on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # these ends lie on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)

@@ -1,4 +1,4 @@
-"""Loose ends of stripes: cut back to the last crossing, joined at singular faces, or closed into material."""
+"""Loose ends of stripes: cut back to the last crossing, joined in faces without a phase, or closed into material."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,9 +16,9 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class Tidy:
-    """Stripes that `tidied_polygons` may remove, so that later fields must divide them too.
+    """Stripes that `tidied_polygons` may remove, so that later fields must divide these stripes, too.
 
-    striped : for each field True if it draws stripes; material of other fields stays.
+    striped : for each field True if it draws stripes; material of a field without stripes stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
     closed  : for each field (n,) values or None: openings with a positive mean become material.
@@ -79,9 +79,8 @@ CROSSING, KEPT, NODE = -1, -2, -3
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes that run across their direction; then, one after another, parts that lead nowhere.
-
-    Returns also the number of the parts.
+    """Remove parts of stripes that run across their direction, then parts that lead nowhere; return also their
+    number.
     """
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
@@ -120,10 +119,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
+    """Masks (c,) of polygons of removed parts and parts that then lead nowhere, and of polygons that this cuts off.
 
     stays : (p,) parts that always stay. Where a crossing has lost one member, the second member ends. So a part with a
-    single neighbour joins that neighbour if it is as short as wide, because it is not an end by itself."""
+    single neighbour joins this neighbour if the part is as short as wide, because it is not an end by itself.
+    """
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -147,7 +147,8 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
-    """Make void polygons material where middles of stripes meet in faces without a phase; return also their number.
+    """Make void polygons material where middles of stripes meet in faces without a phase; return also the number of
+    polygons.
 
     fields, levels : those of the cut, in order; only a `CornerField` has such faces.
     """
@@ -186,8 +187,8 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Blank polygons (q,) of a mask (c,) at which middles of field k end, and the vertex (q,) of each end.
 
-    An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices. Both
-    sides see such an end, and it counts once.
+    An end on a side has a unique number below 0 in place of a vertex. On the plane of a mirror, middles run through
+    vertices. The faces on both sides see such an end, and it counts once.
     """
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
@@ -197,7 +198,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # in periods; such a middle ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # in periods; a middle this near ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))

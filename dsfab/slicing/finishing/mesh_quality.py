@@ -1,4 +1,4 @@
-"""Quality of the triangles of a sheet, and its improvement by edge flips and edge collapses."""
+"""Quality of the triangles of a sheet, and its improvement by flips and collapses of edges."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -38,8 +38,16 @@ def quality(surface: Surface) -> Quality:
     return Quality(float(angles[worst]), surface.centroids[worst], float((angles < 1).mean()), float(np.median(shape)))
 
 
+def least_angles(P: Floats, normals: Floats) -> Floats:
+    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
+    sides = np.roll(P, -1, axis=1) - P
+    back = -np.roll(sides, 1, axis=1)
+    twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
+    return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
+
+
 GAIN = 1.01
-"""Least factor by which a step must raise the smallest angle; rounding gives less."""
+"""Least factor by which a step must raise the smallest angle, because rounding errors alone give smaller gains."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +74,6 @@ class CellMesh:
 
     @cached_property
     def keys(self) -> Ints:
-        """(e,) one number for each edge, ascending."""
         return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
@@ -98,7 +105,9 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the neighbours along lines; if a vertex has two, the second is the sum less the first."""
+        """(n',) sum of the neighbours of each vertex along lines. With two neighbours, the second is this sum less
+        the first.
+        """
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -112,12 +121,9 @@ class CellMesh:
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
         """(k,) the smallest angle of triangles in uncut faces, degrees: negative if turned over, 0 without area."""
-        P = self.surface.V[F]
-        sides = np.roll(P, -1, axis=1) - P
-        back = -np.roll(sides, 1, axis=1)
-        twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), self.uncut.normals[parent])
-        angle = np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1)
-        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, angle)
+        P, normals = self.surface.V[F], self.uncut.normals[parent]
+        twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
+        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, least_angles(P, normals))
 
     @cached_property
     def least_area(self) -> float:
@@ -131,7 +137,7 @@ class CellMesh:
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Rows into `vertex` (k,), ascending, and the cells around it, one by one."""
+        """Rows into `vertex` (k,), ascending, and the cells around the vertex of each row."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -147,7 +153,9 @@ class CellMesh:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) mask of steps that share no face with a better step; step row[i] of rank[row[i]] needs face[i] of m."""
+    """(k,) mask of steps that share no face with a better step; step row[i], with rank[row[i]], needs face[i] of m
+    faces.
+    """
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -156,7 +164,9 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto their neighbours w (k,), and how far stripe edges are then off, metres."""
+    """Moves of vertices v (k,) onto their neighbours w (k,), and the distance (k,) of stripe edges from their
+    places, metres.
+    """
 
     v: Ints
     w: Ints
@@ -225,7 +235,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     total = cut.line_ends
     u = np.where(slides, total[v] - w, v)  # u is the second neighbour on the line
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # these are rounding errors
+    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # smaller distances are rounding errors
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -253,9 +263,10 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """(k,) the link condition [Dey et al. 1999]: the ends of an edge share only the neighbours across its cells.
+    """(k,) True if the ends of an edge share only the neighbours across its cells: the link condition [Dey et al.
+    1999].
 
-    Also no triangle of lines closes.    row, F : the cells around each v.
+    It also excludes triangles of lines that would close.    row, F : the cells around each v.
     """
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
@@ -316,7 +327,7 @@ class ImprovedSheet:
 
     @property
     def summary(self) -> str:
-        """A sentence with the worst angle, the share of needles and the median quality, before and after."""
+        """Return a sentence with the worst angle, the share of needles and the median quality, before and after."""
         a, b = self.before, self.after
         return (
             f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "
@@ -332,9 +343,10 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     tolerance : largest move of the edges of stripes, of families and of the surface, metres.
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
-    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes a cell with a
-    smaller angle than the smallest of the cells it removes. With tolerance 0 the material covers the same points as
-    before; otherwise its area changes by less than tolerance x length of its edges.
+    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes an angle that
+    is
+    smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
+    Otherwise its area changes by less than the tolerance times the length of its edges.
     """
     cut = CellMesh(sheet, uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0

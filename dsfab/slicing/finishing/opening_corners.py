@@ -5,11 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest turn of a chord: it strays from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
+"""Largest turn of a chord, radians. The chord then differs from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
 TINY = 1e-300
 """Replacement for a zero length in a division."""
 
@@ -51,7 +51,7 @@ class Arcs:
         """Normals (k, 2, 2) of the lines from the middle through both feet, away from the arc; distances (k, 2).
 
         The region that an arc fills lies on the inner side of both lines."""
-        a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
+        a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
@@ -72,19 +72,22 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), both of which lead away from the corners.
+    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from the corners.
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
     The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
-    the tangents at the nearest points is the next guess."""
+    the tangents at the nearest points is the next guess.
+    """
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
         centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
     for _ in range(12):  # nearly straight walls need two or three steps
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
-        centre, regular = circle_centres(foot_a, unit(centre - foot_a), foot_b, unit(centre - foot_b), radius)
+        centre, regular = circle_centres(
+            foot_a, unit_vectors(centre - foot_a), foot_b, unit_vectors(centre - foot_b), radius
+        )
         valid &= regular
     (foot_a, way_a), (foot_b, way_b) = _nearest(a, centre), _nearest(b, centre)
     for foot in (foot_a, foot_b):
@@ -96,7 +99,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
-    u, v = (unit(line[:, 1] - line[:, 0]) for line in (a, b))
+    u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
     in_void &= (np.einsum("ki,ki->k", left_normal, v) > 0) & (np.einsum("ki,ki->k", right_normal, u) > 0)
@@ -124,11 +127,6 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     length = np.sqrt(size)
     before = (np.cumsum(length, axis=1) - length)[row, pick]
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
-
-
-def unit(x: Floats) -> Floats:
-    """(k, d) vectors x (k, d) scaled to length 1; zero vectors stay."""
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), TINY))
 
 
 SMALLER = 0.7
@@ -164,7 +162,9 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs, which do not turn."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do
+        not turn.
+        """
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -176,7 +176,7 @@ class Corners:
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 before the end of an open chain; a single corner follows itself."""
+        """(k,) the next corner along the chain, -1 at the end of an open chain. A single corner follows itself."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -184,7 +184,7 @@ class Corners:
 
     @cached_property
     def previous_corner(self) -> Ints:
-        """(k,) the corner before each, or -1."""
+        """(k,) the previous corner along the chain, or -1."""
         before = np.full(len(self.next_corner), -1)
         has_next = self.next_corner >= 0
         before[self.next_corner[has_next]] = np.flatnonzero(has_next)
@@ -192,7 +192,7 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """(k,) metres of wall before and behind each corner, up to the next one or the end of the chain."""
+        """(k,) metres of wall before and behind each corner, up to the next corner or the end of the chain."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
@@ -244,7 +244,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # `rooms` leave a little more room than this
+        fits = 0.995  # `rooms` leave a slightly larger margin
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 

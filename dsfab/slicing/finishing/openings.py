@@ -1,4 +1,4 @@
-"""Openings of a cut sheet: specks and slits that are filled, and strips of material across openings."""
+"""Openings of a cut sheet: small openings and slits become material, and strips of material cross openings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, split_value
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, split_value
 from dsfab.core.derived import derived
 from dsfab.core.limits import CROWDING
 from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
@@ -21,12 +21,13 @@ Merging = Literal["none", "slits", "crowded"]
 NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it.
 
-Crowded members are designed as wide as the openings between them; on flat triangles that is exact to some percent.
+Crowded members are designed as wide as the openings between them; on flat triangles their width is right to some
+percent.
 """
 CRUMB, SEVERAL = 0.35, 8
-"""CRUMB is the size of a crumb, as a share of the median opening; SEVERAL openings are enough for a median."""
+"""CRUMB is the largest size of a crumb, as a share of the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
-"""Sizes of openings that differ by less than this share may differ only because of the mesh."""
+"""Sizes of openings that differ by less than this share count as equal, because the mesh may cause the difference."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,18 +44,16 @@ class Openings:
 
     def subset(self, chosen: Bools) -> "Openings":
         """Return the marked openings (o,), renumbered."""
-        mask = np.zeros(self.void.whole.m, dtype=bool)
+        mask = np.zeros(self.void.cut_surface.m, dtype=bool)
         mask[self.void.cells[chosen[self.label]]] = True
         label = (np.cumsum(chosen) - 1)[self.label[chosen[self.label]]]
-        return Openings(SheetPart.from_cells(self.void.whole, mask), self.material, label, int(chosen.sum()))
+        return Openings(SheetPart.from_cells(self.void.cut_surface, mask), self.material, label, int(chosen.sum()))
 
     @cached_property
     def centroids(self) -> Floats:
         """(o, 3) centroids of the openings, metres."""
-        surface, count = self.void.surface, self.count
-        total = np.bincount(self.label, surface.areas, count)
-        columns = [np.bincount(self.label, surface.areas * x, count) / total for x in surface.centroids.T]
-        return np.stack(columns, axis=1)
+        areas, centroids = self.void.surface.areas[:, None], self.void.surface.centroids
+        return group_sums(self.label, areas * centroids, self.count) / group_sums(self.label, areas, self.count)
 
     @cached_property
     def hydraulic_diameters(self) -> Floats:
@@ -75,14 +74,14 @@ class Openings:
         opposite = np.bincount(label, across.weight * has_ratio, self.count)
         opening, length = self._opening_of_edge[wall], self.void.surface.edge_lengths[wall]
         total = np.bincount(opening, length, self.count)
-        around = weighted_medians(member[self.void.whole_edges[wall]], length, opening, self.count)
+        around = weighted_medians(member[self.void.parent_edges[wall]], length, opening, self.count)
         enclosed = np.isfinite(self.hydraulic_diameters)
         square = np.sqrt(np.bincount(self.label, self.void.surface.areas, self.count)) / around
         square[~enclosed | np.isinf(around)] = np.inf
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # 1.0 avoids a division by 0 and is not used
+        around[~enclosed] = 1.0  # any value avoids a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -92,10 +91,11 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits between members that are nearer to each other than elsewhere.
+        """(o,) mask of slits between members that are nearer to each other than most members.
 
-        In a dense pattern all openings are narrower than members, and closing them would leave another structure. So
-        the limit is `CROWDING` times the median width of members for their distance.
+        In a dense pattern all openings are narrower than members. If all were closed, the structure would change. So
+        the limit
+        depends on `CROWDING` and the median width of members over their distance.
         """
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
@@ -104,13 +104,13 @@ class Openings:
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
         """Number of slits along the members of a family (m',), and the share of their wall length beside slits."""
-        own_edges = np.zeros(len(self.void.whole.edges.ends), dtype=bool)
-        own_edges[self.void.whole.edges.of[family]] = True
+        own_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
+        own_edges[self.void.cut_surface.edges.of[family]] = True
         wall = self._crossings.walls[:, 0]
         label, weight = self._opening_of_edge[wall], self._crossings.weight
-        own_length = np.bincount(label, weight * own_edges[self.void.whole_edges[wall]], self.count)
+        own_length = np.bincount(label, weight * own_edges[self.void.parent_edges[wall]], self.count)
         narrow = np.nan_to_num(self._width_ratio, nan=np.inf) < 1
-        narrow_length = float(weight @ (own_edges[self.void.whole_edges[wall]] & narrow & self.slits[label]))
+        narrow_length = float(weight @ (own_edges[self.void.parent_edges[wall]] & narrow & self.slits[label]))
         share = narrow_length / float(own_length.sum()) if own_length.any() else 0.0
         return int((self.slits & (own_length > np.bincount(label, weight, self.count) / 2)).sum()), share
 
@@ -120,8 +120,10 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) length of lines across over the narrower of the two members at their ends; NaN without."""
-        member = self._member_widths[self.void.whole_edges[self._crossings.walls]]
+        """(k,) length of each line across an opening over the width of the narrower member beside it; NaN without
+        members.
+        """
+        member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
     @cached_property
@@ -132,13 +134,13 @@ class Openings:
 
     @cached_property
     def _member_widths(self) -> Floats:
-        """(e',) widths of the members beyond the walls, by the edges of the whole sheet; NaN elsewhere.
+        """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN elsewhere.
 
-        Material broader than 2.5 medians is several members and counts with the median.
+        Material broader than 2.5 medians consists of several members and counts with the median.
         """
-        wall_edges = np.zeros(len(self.void.whole.edges.ends), dtype=bool)
-        wall_edges[self.void.whole_edges[self.void.walls]] = True
-        surface, sheet_edges = self.material.surface, self.material.whole_edges
+        wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
+        wall_edges[self.void.parent_edges[self.void.walls]] = True
+        surface, sheet_edges = self.material.surface, self.material.parent_edges
         across = crossings(surface, surface.edges.boundary, wall_edges[sheet_edges], (MIDDLE,))
         median = weighted_medians(across.width, across.weight, np.zeros_like(across.face), 1)
         width = np.full(len(wall_edges), np.nan)
@@ -190,7 +192,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # fewer openings take a tenth of the time
+    candidates = openings.subset(may_be_small)  # because fewer openings take a tenth of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
@@ -201,11 +203,13 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
-    """Make every opening that is far smaller than most material; return also their number.
+    """Make every opening that is far smaller than most openings material; return also their number.
 
     Sizes are 4 area / perimeter of enclosed openings. An opening that is 2.5 times as wide as the members beside it
-    stays, because a plate between thin members would replace it. Nearly equal openings are filled all or none. Crumbs
-    arise where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
+    stays,
+    because the filling would be a plate between thin members. Nearly equal openings are filled all or none. Crumbs
+    arise
+    where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
     """
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
@@ -235,14 +239,15 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
 
 SIDES = np.array([-1.0, 1.0])
 SNAP = 2e-3
-"""Vertices nearer to the side of a strip than this share of half its width move onto it."""
+"""Vertices nearer to the side of a strip than this share of half its width move onto the side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
     """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
-    middle : (3,).    axes : (2, 3) unit vectors along and across.    half : (2,) half of its length and width, metres.
+    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width,
+             metres.
     """
 
     cells: Ints

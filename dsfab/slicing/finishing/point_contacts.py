@@ -1,10 +1,10 @@
-"""Pinches: vertices where material meets in a single point. No solid is possible; join the parts or split them.
+"""Pinches: vertices where the material meets in a single point, so that no solid exists. They are joined or split.
 
     material . void         join: a disc around the pinch      split: the disc becomes void
     . . . .  x . . . .            becomes material
      void    . material
 
-The full sheet, material and void together, is cut along the disc, so that the cells around it still fit.
+The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit.
 """
 
 from dataclasses import dataclass
@@ -24,10 +24,11 @@ from dsfab.surface.topology import edge_table
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3
-"""Most rounds of discs, because a disc can make a new pinch where its rim meets another stripe."""
+"""Most rounds of discs, because a disc can make a new pinch where it meets a second stripe."""
 CORNER_ROUNDS = 2
-"""Most rounds of corner cuts after the discs, which make no new pinch; the second is for neighbours of earlier
-pinches."""
+"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent
+pinches.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +36,8 @@ class PinchResult:
     """A sheet without pinches.
 
     sheet       : all cells, material and void.
-    count       : number of discs and corner cuts; 0 leaves the sheet as it was.
-    area_change : material area after less before, square metres: positive for "join", negative for "split".
+    count       : number of discs and corner cuts; for 0 the sheet did not change.
+    area_change : change of the material area, square metres: positive for "join", negative for "split".
     """
 
     sheet: Sheet
@@ -48,10 +49,12 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
     Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
-    take the family of the first material cell at their pinch. Pinches on the surface's boundary count too.
+    take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
 
-    Raises PatternError without material, before or after; for an impossible `radius` or `rule`; and for remaining
-    pinches ("join" cannot mend a place where the surface touches itself in a vertex)."""
+    Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
+    remain.
+    "join" cannot mend a place where the surface touches itself in a vertex.
+    """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -92,7 +95,7 @@ def _material_area(sheet: Sheet) -> float:
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:
-    """(k,) vertices of a sheet around which the material has more than one edge-connected fan of cells."""
+    """(k,) vertices of a sheet at which two or more parts of the material meet without a common edge."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
     pinched = sheet.subset().surface.pinches
@@ -113,7 +116,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """The pinches in groups without common edges, because on a common edge the linear distance would be zero."""
+    """The pinches in groups without common edges, because the linear distance would be zero all along such an edge."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -150,7 +153,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """(c,) the inside polygons that are connected to a pinch, without other parts of the surface nearby."""
+    """(c,) the inside polygons that are connected to a pinch, without nearby folds of the surface."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

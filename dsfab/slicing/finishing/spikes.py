@@ -2,7 +2,7 @@ r"""`without_spikes`: cut off teeth of a member that stick out into an opening, 
 
 opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
    .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
-__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void: no member needs it.
+__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void, because no member needs it.
  a  b  member
 """
 
@@ -19,7 +19,7 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Least angle by which the outline turns back at a tip; at bends and crossings of members it turns less."""
+"""Least angle, radians, by which the outline turns back at a tip. At bends and crossings of members it turns less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
 """Longest outline of a tooth, in mean widths of members: `FAR` for a spur with a chord under `THIN`, else `LONG`."""
 
@@ -96,17 +96,17 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
+    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord is unsuitable."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
-    chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # this is the mean normal over a surface edge
+    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # the mean normal beside walls
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are hairs, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -114,7 +114,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) the material cells partly beyond the chord; None if another wall or an edge of the surface is there."""
+    """(c,) the material cells partly beyond the chord; None if a further wall or an edge of the surface is there."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

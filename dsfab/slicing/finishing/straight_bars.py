@@ -59,7 +59,7 @@ class FairBar:
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # walls run counter-clockwise, so ahead on the right
+        side = np.where(ahead > 0, -1, 1)  # counter-clockwise walls run ahead on the right side
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -74,7 +74,7 @@ class FairBar:
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """(2, k) metres of places X (k, 3) inside each side of the bar."""
+        """(2, k) metres by which points X (k, 3) lie inside each side of the bar."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._bow_at(t)
@@ -82,13 +82,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """(k,) mask of places X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
+        """(k,) mask of points X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance of the present outline outside the new one, over the width."""
+        """Largest distance of the present outline outside the new outline, as a share of the width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -98,7 +98,7 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """(k,) shares of the length at places X (k, 3), and (k,) metres to the left of the straight line."""
+        """(k,) shares of the length at points X (k, 3), and (k,) metres to the left of the straight line."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
@@ -116,7 +116,9 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """(k, 2, 3) metres: begin and end of each counter-clockwise contact of polygons (c,); none at a surface edge."""
+    """(k, 2, 3) metres: begin and end of each contact of polygons (c,), counter-clockwise; none at an edge of the
+    surface.
+    """
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -135,12 +137,13 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 
 
 ASKEW = 0.25
-"""Bars stay if their outline is nearer to the straight one than this share of their width."""
+"""Bars stay if their outline is nearer to a straight bar than this share of their width."""
 UNEVEN = 0.12
-"""Bent bars stay if their outline is nearer than this share of their width to the outline with an even bow."""
+"""Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width."""
 FAR = 1.5
-"""Bars stay if their outline is farther than this share of their width from the new outline.
-Such bars bend in another way, or another member touches them."""
+"""Bars stay if their outline is farther from the new outline than this share of their width.
+Such bars bend in another way, or a further member touches them.
+"""
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
@@ -207,7 +210,9 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons (c,) of a bar by the new bar, or return None for a large change; and each old polygon (c',)."""
+    """Replace polygons (c,) of a bar by the new bar; return None for a large change, and the old polygon (c',) of
+    each.
+    """
     opening = mesh.part_labels(mesh.void | bar)
     inside, result, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
     for side in (0, 1):

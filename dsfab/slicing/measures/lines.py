@@ -66,14 +66,15 @@ def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
 
 
 LEAST = 1e-7
-"""Shorter parts of a segment, and shorter gaps in it, are rounding errors."""
+"""Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors."""
 
 
 class Spans(NamedTuple):
-    """Remaining parts of segments.
+    """Parts of segments that remain after clipping.
 
-    segment : (p,) segment of each part.    begin, end : (p,) positions on it, 0 to 1.
-    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair."""
+    segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
+    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair.
+    """
 
     segment: Ints
     begin: Floats
@@ -87,7 +88,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
     face        : (v,) faces of the chart.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of the face.
-    segment     : (v,) the segment; two faces may see the same one, along their common edge.
+    segment     : (v,) the segment; along a common edge, two faces may see the same segment.
     F           : (m, 3) the uncut faces.
     """
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
@@ -132,7 +133,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # no part of one segment reaches the next
+    upto = np.maximum.accumulate(2.0 * segment + end)  # each segment has an interval of its own
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -143,7 +144,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A line along the middle of a member: the line number that most of it has, and points (k, 3) in metres."""
+    """A line along the middle of a member: points (k, 3), metres, and the line number of most of its length."""
 
     number: int
     points: Floats
@@ -151,10 +152,12 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middles, each between two nodes; both faces at an edge may see a segment along the edge.
+    """Segments of middle lines, each between two nodes. Both faces at an edge may see a segment along the edge as a
+    view.
 
-    link   : (l, 2) nodes.                point  : (nodes, 3) metres.
-    of     : (v,) the segment of a view.  face   : (v,) of the chart.    number : (v,) of the line, in the finest lines.
+    link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
+    of     : (v,) the segment of a view.      face  : (v,) of the chart.
+    number : (v,) number of the line among the finest lines.
     at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face.
     """
 
@@ -204,7 +207,7 @@ class Chords:
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """(v, 2) nodes at corners (where `at_corner`) or on the sides behind corners; (nodes, 3) all points, metres."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # the sheet has no edges at cuts of the chart
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # without the cuts of the chart
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -276,23 +279,26 @@ STRIPES = ("major", "minor")
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes, with a sign in each face, and the values of their middles."""
+    """A field of evenly spaced stripes with a sign in each face, and its values (k,) at the middles of stripes."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""Phase z (n,) on the uncut surface, integers at the middles of stripes; or z at corners; or None without stripes."""
+"""Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
+stripes.
+"""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
     names  : of the fields of the cut; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to stripe k of its cell: z is next to k. For phases at corners the face
-             gives k, and a line takes the number that most of it has.
-    Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
+    phases : for each field. An edge belongs to stripe k of its cell if z is nearest to k. For phases at corners the
+             face
+             gives k, and a line takes the number of most of its length.
+    Together the lines are the boundary of the sheet, each edge once, with the material on the left.
     """
     labels = outline_labels(sheet, uncut)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -350,9 +356,11 @@ class _Stripes:
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """Return the middles z = k of one family's members, for all integers k, on the remaining surface.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d; d = 0 means no member,
-    and no middle line even in other material. Both fields are linear in each cell of the sheet, so the lines are exact
-    and end at the edges of the sheet."""
+    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Without a member (d = 0)
+    there is no middle line. Both fields are linear in each cell of the sheet, so the lines are exact and end at the
+    edges
+    of the sheet.
+    """
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0

@@ -25,11 +25,11 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """The pieces of `StripeMiddles`, divided at the middles of the other family.
+    """The pieces of `StripeMiddles`, divided at the middles of the second family. A bay lies between two crossings.
 
-    piece  : (b,) of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
+    piece  : (b,) the piece of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
     bay    : (b,) the bay of each part, of `count`.
-    angle  : (c,) degrees between members at crossings, outside material besides the stripes.
+    angle  : (c,) degrees between members at crossings, except in material besides the stripes.
     """
 
     middles: StripeMiddles
@@ -42,14 +42,16 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) metres outside the members of the other family and other material."""
+        """(b,) metres of each part outside the members of the second family and outside material besides the
+        stripes.
+        """
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) True if the opening to the next member is narrower than the member."""
+        """(b,) True if the opening up to the next member is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -129,7 +131,7 @@ OFF = 30.0
 
 
 class DeadEnds(NamedTuple):
-    """(e, 3) places of loose ends, and (t, 3) of turns, metres."""
+    """Dead ends of members: places (e, 3) of loose ends, and places (t, 3) where members turn back, metres."""
 
     loose: Floats
     turns: Floats
@@ -138,8 +140,9 @@ class DeadEnds(NamedTuple):
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
     """Find the dead ends of a family.
 
-    along      : (m, 3) unit direction of the stress on the faces; either sign.
-    deviation  : (m,) degrees between members and this direction.    confidence : (m,) clarity of the direction, 0 to 1.
+    along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
+    deviation  : (m,) degrees between members and this direction.
+    confidence : (m,) clarity of the direction, 0 to 1.
     """
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
@@ -250,7 +253,7 @@ def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float)
 
 
 SHARES = (0.05, 0.5, 0.95)
-"""Quantiles of spacings and openings, by area."""
+"""Quantiles of spacings and openings that are reported, as shares of the area."""
 
 Quantiles = tuple[float, float, float]
 
@@ -259,15 +262,17 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area outside other material.
+    spacing    : metres from middle to middle: P5, median and P95 over the area outside material besides the stripes.
     opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
-    deviation  : degrees off the stress, mean over area x stress along the members x confidence of its direction.
-    off        : share of these weights where members are off by more than 30 degrees.
+    deviation  : mean angle to the stress, degrees, weighted by area x stress along the members x clarity of its
+                 direction.
+    off        : share of these weights where members deviate by more than 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them; before the cut the number of such bays
-                 (see `Bays`), on a cut sheet see `dsfab.slicing.finishing.openings`.
+    slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
+                 bays
+                 (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
     slit_share : share of the length of members beside such an opening.
-    drawn      : False without members; then the other numbers are 0.
+    drawn      : False without members; then all numbers are 0.
     """
 
     spacing: Quantiles
@@ -296,10 +301,11 @@ class FamilyQuality:
 class PatternQuality:
     """Quality of both families together.
 
-    crossing_angle : degrees, the smallest between two members that cross; 90 without crossings.
+    crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
-                     largest over all symmetries; None without any.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
+                     largest over all symmetries; None without symmetries.
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
+    """
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -329,12 +335,12 @@ class PatternQuality:
 
     @property
     def deviation(self) -> float:
-        """Degrees off the stress, the larger of both families."""
+        """Mean angle to the stress, degrees, the larger of both families."""
         return max(self.major.deviation, self.minor.deviation)
 
     @property
     def summary(self) -> str:
-        """One line that describes the quality in words."""
+        """Return one line that describes the quality in words."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"

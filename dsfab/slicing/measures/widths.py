@@ -14,7 +14,7 @@ from dsfab.surface import Surface, next_half_edge, pieces
 class FarEnds(NamedTuple):
     """Far ends, on the boundary, of lines (k,) that measure widths.
 
-    edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
+    edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : metres of the line.
     """
 
@@ -29,7 +29,9 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines in progress: number, half-edge of entry, metres along it, direction, and length so far."""
+    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length up to
+    here.
+    """
 
     number: Ints
     edge: Ints
@@ -52,7 +54,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # longer lines run along a member, not across it
+    for _ in range(2000):  # longer lines run along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -70,7 +72,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """The lines at the exit from their triangles, relative to the half-edges of exit, y outwards."""
+    """The lines where they leave their triangles, relative to the half-edges of exit, with y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both sides
@@ -250,7 +252,7 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
 
 
 ROUNDING = 1e-6
-"""Share of a limit by which widened members may miss it."""
+"""Widened members may miss a limit by this share of the limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -332,8 +334,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     across = crossings(material, material.edges.boundary)
     cell = from_material[across.face]
     member = _smallest(across, mesh[cell], [_member(names, f) for f in cells.family[cell]])
-    walls, near = material.edges.boundary, mesh[from_material]
-    member = _smallest_feature(member, _smallest_compact_piece(material, walls, across, near, "a loose piece"))
+    walls, widths = material.edges.boundary, mesh[from_material]
+    member = _smallest_feature(member, _smallest_compact_piece(material, walls, across, widths, "a loose piece"))
     gap = None
     if not built.all():
         part = SheetPart.from_cells(cells.surface, ~built)
