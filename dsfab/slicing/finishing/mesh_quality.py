@@ -174,7 +174,7 @@ class CollapseMoves(NamedTuple):
 
     def subset(self, which: Bools | Ints) -> "CollapseMoves":
         """Return the chosen (k,) moves."""
-        return CollapseMoves(*(column[which] for column in self))
+        return CollapseMoves._make(column[which] for column in self)
 
 
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
