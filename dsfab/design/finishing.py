@@ -1,20 +1,13 @@
 """Options of finishing from a preset: slits, least openings and widths; also the material that finishing adds."""
 
+from collections import Counter
 from typing import NamedTuple
 
 from dsfab.core.messages import length
-from dsfab.design.log import Log
 from dsfab.preset.model import Pattern, Preset, Slicing
 from dsfab.results import PatternResult
-from dsfab.slicing import LeastWidths, Merging, PolygonMesh, Sheet, improve_cells, sheet_of, with_least_widths
-from dsfab.slicing.finishing.finish import (
-    FinishedSheet,
-    FinishingOptions,
-    TrialCut,
-    least_widths_of,
-    tidied_polygons,
-    unrounded_sheet,
-)
+from dsfab.slicing import Merging, PolygonMesh, sheet_of, with_least_widths
+from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, TrialCut, tidied_polygons, unrounded_sheet
 from dsfab.surface import Surface
 
 SPECK = 0.15
@@ -23,8 +16,8 @@ of the surface, become material."""
 
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
-    slicing, merge = preset.slicing, merges_slits(preset, pattern)
-    opening, neck = smallest_widths(pattern.preset_with_choices(preset), surface)
+    slicing, merge, resolved = preset.slicing, merges_slits(preset, pattern), pattern.preset_with_choices(preset)
+    opening, neck = smallest_widths(resolved, surface)
     return FinishingOptions(
         slicing.snap,
         slicing.pinch,
@@ -35,6 +28,8 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
         neck,
         preset.pattern.fillet,
         slicing.min_member or 0.0,
+        least_widths(resolved, surface),
+        slicing.tolerance if slicing.improve else None,
     )
 
 
@@ -135,22 +130,6 @@ def least_member(options: Pattern, surface: Surface) -> float:
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
 
-def kept_to_least_widths(
-    preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
-) -> Sheet:
-    """Return the cells of a cut surface, with material added in narrow places where possible; note the number of
-    changes.
-    Filled strips leave slivers with edges of a micrometre, where quadrature and sparse solvers lose digits. So cells
-    are flipped and collapsed within the faces of the surface; the edges of the material do not move.
-    trial : the trial cut of these cells, whose steps are reused."""
-    if not any(least := least_widths(preset, surface)):
-        return cells
-    widened = least_widths_of(cells, *least, options, trial)
-    if message := _least_widths_message(least, widened):
-        log.note("slicing", message)
-    return improve_cells(widened.cells, surface).sheet if widened.bridged or widened.widened else widened.cells
-
-
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
@@ -174,14 +153,17 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
-def _least_widths_message(least: WorkshopWidths, result: LeastWidths) -> str:
-    closed, widened = result.filled + result.bridged, result.widened
-    messages = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
-    messages += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
-    merged, necks = result.merged, result.necks
-    messages += [f"{merged} openings that became narrower than the members beside them were filled"] * bool(merged)
-    messages += [f"bridges were built at {_places(necks)} that became narrow"] * bool(necks)
-    return ", ".join(messages) and ", ".join(messages) + " (slicing.min_gap, min_member)"
+def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
+    """Return a note on the counts of finishing at places under the least widths of openings and members, or ""."""
+    gap, member = least
+    parts = (
+        ("closed", f"openings narrower than {length(gap)} were closed at {_places(counts['closed'])}"),
+        ("thickened", f"members narrower than {length(member)} were widened at {_places(counts['thickened'])}"),
+        ("narrowed", f"{counts['narrowed']} openings that became narrower than the members beside them were filled"),
+        ("necks", f"bridges were built at {_places(counts['necks'])} that became narrow"),
+    )
+    messages = [message for name, message in parts if counts[name]]
+    return ", ".join(messages) + " (slicing.min_gap, min_member)" if messages else ""
 
 
 def _places(count: int) -> str:

@@ -33,7 +33,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return the polygons unchanged, the active ones (c,) in strip 0."""
+        """Return the polygons unchanged, with the active polygons (c,) in strip 0."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         return cls(
             cells,
@@ -149,8 +149,6 @@ class _Sides:
 
 
 class _NewVertices(NamedTuple):
-    """New vertices (k,) at (1 - t) low + t high of two old ones, on a side and a level."""
-
     low: Ints
     high: Ints
     t: Floats
@@ -306,7 +304,7 @@ def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells,
 def _with_pieces(
     cells: Cells, strip: Ints, which: Ints, pieces_of_split: tuple[Cells, Ints, Ints], new_vertices: _NewVertices
 ) -> Split:
-    """Replace the polygons `which` (k,) by their pieces, in order; strip : (c,) of the unchanged polygons."""
+    """Replace the polygons `which` (k,) by their pieces, in order; `strip` (c,) is that of the unchanged polygons."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -334,7 +332,7 @@ class Snapping(NamedTuple):
 
     fraction : largest move, as a share of an edge's range.
     size     : of the surface, metres.
-    hold     : vertices whose value never moves.
+    hold     : vertices (k,) whose values never move.
     """
 
     fraction: float
@@ -369,8 +367,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return the vertices (k,) that are corners of divided cells without area; X (n, 3) are the positions of all
-    vertices."""
+    """Return the vertices (k,) of divided cells without area; X (n, 3) are the positions of all vertices."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided
