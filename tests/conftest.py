@@ -72,8 +72,8 @@ def sharp_tab(server, tmp_path_factory):
 
 
 @pytest.fixture
-def here(monkeypatch):
-    """Ask OCCT in this process; gives the last findings."""
+def inspected_pieces(monkeypatch):
+    """Inspect the pieces of STEP files in this process, without a worker; gives the facts of the last file."""
     from dsfab.export.cad.step.worker import pieces, reports, triangles
 
     found: list = []

@@ -3,15 +3,15 @@
 import numpy as np
 
 from dsfab.preset.model import Preset
+from tests import shapes
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 
 
 def box(low, high):
-    """A closed box in metres, faces seen from outside."""
-    V = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return V, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+    """Vertices and faces of a closed box between two corners, metres."""
+    surface = shapes.box(low, high)
+    return surface.V, surface.F
 
 
 def joined(*meshes):

@@ -33,7 +33,7 @@ from dsfab.results import Piece
 from dsfab.study.baselines.structures import mode_like_field
 from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 pytestmark = pytest.mark.slow
 

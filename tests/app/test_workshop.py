@@ -19,7 +19,7 @@ AHEAD = View(
 
 
 @pytest.fixture(scope="module")
-def plate():
+def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.08, "statics.thickness": 0.01}))
 
 
@@ -51,8 +51,8 @@ def test_lines_do_not_cross():
         assert abs(columns.mean() - (80 + 120 * k)) < 20
 
 
-def test_what_is_marked_is_what_was_measured(plate):
-    made = fabrication(plate)
+def test_what_is_marked_is_what_was_measured(cantilever):
+    made = fabrication(cantilever)
     found = {one.lines[0].rsplit(" ", 3)[-3]: one for one in callouts(made, PAPER)}
     assert set(found) == {"member", "gap", "edge", "wall"}
     assert np.array_equal(found["member"].place, made.features.member.place)
@@ -60,17 +60,17 @@ def test_what_is_marked_is_what_was_measured(plate):
     assert {one.colour for one in found.values()} == {PAPER.text}
 
 
-def test_missed_limits_are_red_in_words_too(plate):
+def test_missed_limits_are_red_in_words_too(cantilever):
     limits = {"fabrication.min_member": 0.5, "fabrication.min_wall": 0.009, "fabrication.bed": [3, 3, 3]}
-    limited = dsfab.revise(plate, with_overrides(plate.preset, limits))
+    limited = dsfab.revise(cantilever, with_overrides(cantilever.preset, limits))
     made = fabrication(limited)
     lines = {one.lines[0].split()[1]: (one.lines[1], one.colour) for one in callouts(made, PAPER)}
     assert lines["member"] == ("at least 500 mm: fail", PAPER.tension)
     assert lines["wall"] == ("at least 9 mm: pass", PAPER.load)
-    pictures = [workshop_picture(d, fabrication(d), size=SIZE) for d in (plate, limited)]
+    pictures = [workshop_picture(d, fabrication(d), size=SIZE) for d in (cantilever, limited)]
     assert count(pictures[0], PAPER.tension) == 0
     assert count(pictures[1], PAPER.tension) > 20
-    clear = workshop_picture(plate, fabrication(plate), size=SIZE, ground="transparent")
+    clear = workshop_picture(cantilever, fabrication(cantilever), size=SIZE, ground="transparent")
     assert clear.shape == (240, 320, 4)
     assert clear[120, 2, 3] == 0
 

@@ -10,8 +10,8 @@ from dsfab.core.errors import StaticsError
 from dsfab.core.limits import BALANCE, RESIDUAL, worst_status
 from dsfab.report.compliance.findings import Findings
 from dsfab.statics.solve import _require_solved
+from tests.shapes import grid
 from tests.test_architecture import modules, nodes
-from tests.zoo import grid
 
 
 def accepted(imbalance: float, residual: float) -> bool:

@@ -26,8 +26,8 @@ from dsfab.core.sparse.libraries import Pardiso, SuperLU, _release
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.statics.factorisation import stiffness_factor
+from tests.shapes import ZOO, grid, jittered, lifted, zoo
 from tests.statics.test_statics import STEEL
-from tests.zoo import ZOO, grid, jittered, lifted, zoo
 
 DIRECT = ["multifrontal", "SuperLU", "PARDISO"]
 direct = pytest.mark.parametrize("solver", DIRECT)

@@ -17,7 +17,7 @@ from dsfab.report.design.facts import choice_facts, choice_lines, design_facts
 from dsfab.results import Candidate
 from dsfab.slicing import material_area
 from dsfab.statics import Elements, SheetModel, solve_statics
-from tests.zoo import ZOO, zoo
+from tests.shapes import ZOO, zoo
 
 COARSE = {"surface.edge": 0.1, "pattern.width.min_width": 0, "pattern.width.min_gap": 0}
 PHASES = {"pattern.major.phase": "auto", "pattern.minor.phase": "auto"}

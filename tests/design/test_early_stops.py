@@ -21,7 +21,7 @@ from dsfab.report.design.inspection import load_facts, load_lines
 from dsfab.statics import load_entries, support_entries
 from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, sphere, zoo
+from tests.shapes import ZOO, grid, sphere, zoo
 
 
 def test_names_of_a_preset_come_back_and_stand_for_what_has_none():
@@ -55,7 +55,7 @@ PLATE = grid(8, 2, 2.0, 0.5)
 """2 x 0.5 m, flat."""
 
 
-def plate(supports, loads, **statics):
+def design_of_plate(supports, loads, **statics):
     """A design of the plate: timber, 20 mm."""
     given = {"thickness": 0.02, "material": "GL24h", **statics}
     return Design.from_preset(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
@@ -64,7 +64,7 @@ def plate(supports, loads, **statics):
 def test_a_support_says_what_it_holds_and_its_share_of_the_load():
     """A line of 30 N at a quarter of the span of a bridge: three quarters of it go to the near end."""
     ends = Support(Side("x", "min"), name="near"), Support(Side("x", "max"), hold="z", spring=(5.0, 0, 0))
-    design = plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
+    design = design_of_plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
     answers = {name: case.equilibrium for name, case in design.statics.cases.items()}
     near, far = support_entries(PLATE, ends, answers)
     assert (near.name, near.vertices, near.holds) == ("near", 3, "xyz")
@@ -239,7 +239,7 @@ def test_a_sheet_that_stands_on_one_vertex_is_not_cut():
 def test_supports_of_a_point_or_two_are_told_if_they_carry():
     """Corners of a plate; the last one only keeps it from turning."""
     corners = [Support(Nearest(((0, 0, 0), (0, 0.5, 0))), "xyz"), Support(Nearest(((2, 0, 0),)), "z", name="post")]
-    design = plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
+    design = design_of_plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
     notes = [note.text for note in design.until("slicing").notes if "holds only" in note.text]
     assert len(notes) == 2
     assert notes[0].startswith("support 1 holds only 2 vertices, at (0, 0.25, 0) m, and carries up to ")
@@ -255,7 +255,7 @@ def test_a_point_far_off_the_surface_holds_and_loads_nothing(what):
         "it is at (1, 0.25, 40) m, 40 m away from the nearest vertex of the surf"
     )
     near = [Force(Nearest(((1, 0.25, 0.1),)), (0, 0, -9))]
-    assert not plate(supports[:1], near).statics.objections
+    assert not design_of_plate(supports[:1], near).statics.objections
 
 
 @pytest.mark.parametrize(("load", "says"), [
@@ -272,7 +272,7 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
 
 def test_a_load_that_the_supports_take_is_told():
     loads = [SelfWeight(), Line(Side("x", "min"), (0, 0, -60.0), name="sill")]
-    notes = [note.text for note in plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
+    notes = [note.text for note in design_of_plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
     assert any(note.startswith("sill acts in held directions of held vertices only") for note in notes)
 
 
@@ -282,7 +282,7 @@ def test_a_load_that_the_supports_take_is_told():
 ])  # fmt: skip
 def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
     with pytest.raises(StaticsError, match=says) as caught:
-        _ = plate([Support(Vertices(indices))], [SelfWeight()]).statics
+        _ = design_of_plate([Support(Vertices(indices))], [SelfWeight()]).statics
     assert str(caught.value).count("turn about x") <= 1
 
 

@@ -29,7 +29,7 @@ def chosen():
 
 
 @pytest.fixture(scope="module")
-def plate():
+def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", PLATE))
 
 
@@ -53,9 +53,9 @@ def test_all_are_told_and_the_best_is_taken(chosen):
 
 
 @pytest.mark.slow
-def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, plate):
+def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, cantilever):
     """From the stiffest of each without flaws, and never softer than the graded widths that evening begins with."""
-    for design in (chosen, plate):
+    for design in (chosen, cantilever):
         listed = [one for one in design.pattern.attempts if " apart" not in one.name]
         stressed = [one for one in listed if one.name.endswith("stressed")]
         evened = {one.name.split(",")[0]: one for one in stressed if "optimal forces" not in one.name}
@@ -175,11 +175,14 @@ def test_a_plain_width_is_not_exchanged():
 
 
 @pytest.mark.slow
-def test_stressed_widths_are_judged_evened(plate):
+def test_stressed_widths_are_judged_evened(cantilever):
     """By the rule `stressed` the trial is worth what the width search ends with, not what it begins with."""
     evened = {**PLATE, "pattern.width.rule": "stressed", "pattern.width.steps": 4}
     both = {}
-    for rule, made in (("graded", plate), ("stressed", dsfab.design.draft(dsfab.load_preset("cantilever", evened)))):
+    for rule, made in (
+        ("graded", cantilever),
+        ("stressed", dsfab.design.draft(dsfab.load_preset("cantilever", evened))),
+    ):
         both[rule] = {
             one.name.split(",")[0]: one
             for one in made.pattern.attempts

@@ -13,7 +13,7 @@ from dsfab.design.output.archive import even_arrays, even_stripes_from
 from dsfab.design.stripe_pattern import stripe_stresses
 from dsfab.statics import Material, SheetModel, varying_thickness
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import grid
+from tests.shapes import grid
 
 LENGTH, WIDTH, THICKNESS, PULL = 2.0, 0.5, 0.01, 4.0
 STRIPES = {"surface.edge": 0.1, "pattern.method": "stripes", "pattern.major.spacing": 0.2, "pattern.minor.spacing": 0.2}

@@ -18,7 +18,7 @@ from dsfab.design import draft
 from dsfab.statics import factorisation, solve
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES, ROOF_MODES
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 OBJ = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
 

@@ -9,7 +9,7 @@ from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operato
 from dsfab.diffusion.tensors import _is_isotropic
 from dsfab.surface import Surface
 from dsfab.surface.fields import voronoi_mass
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 
 def constant_stress(surface: Surface, xx: float, yy: float, xy: float = 0.0) -> np.ndarray:

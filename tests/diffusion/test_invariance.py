@@ -9,7 +9,7 @@ from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tenso
 from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import voronoi_mass
-from tests.zoo import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, sphere
 
 TURNS = [
     Rotation.from_euler("xyz", angles, degrees=True).as_matrix() for angles in ([0, 0, 90], [180, 0, 0], [31, -57, 123])

@@ -13,7 +13,7 @@ from dsfab.app.hops.components import COMPONENTS
 from dsfab.core.toml_files import shipped_presets
 from tests.bad_meshes import obj
 from tests.designs import rough_presets
-from tests.zoo import grid
+from tests.shapes import grid
 
 ROOT = Path(__file__).resolve().parents[2]
 MEDIA, OWN = ROOT / "docs" / "media", ROOT / "docs" / "examples"

@@ -11,7 +11,6 @@ from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.by_members.regions import net_of
 from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges
 from dsfab.surface import SHAPES, Surface
-from tests.export.test_export import quick_step  # noqa: F401
 from tests.export.test_network import T, draft_of, lifting_of, striped
 
 RADIUS, STEEP = 2.0, np.deg2rad(60.0)
@@ -151,7 +150,7 @@ def test_a_pointed_vault_is_by_members_where_smooth_rounds_its_ridge(tmp_path):
 
 
 @pytest.mark.parametrize("way", ["quick", "auto"])
-def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path, here, quick_step):  # noqa: F811
+def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path, inspected, inspected_pieces):
     """As of a sheet that crosses itself: what says so ended all ways, facets too."""
 
     def crosses():

@@ -15,8 +15,6 @@ from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, curves, write
 from dsfab.export import curves as along
 from dsfab.export import curves as refining
-from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined_segments
 from dsfab.export.part import part_of
 from dsfab.export.splines import LeastSquares
@@ -26,7 +24,7 @@ from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface.fields import StructureLine, _from_segment, polyline_length
 from tests.presets import DOME_MODES
-from tests.zoo import grid, lifted
+from tests.shapes import grid, lifted
 
 
 def rings(surface, tolerance: float) -> tuple:
@@ -121,8 +119,7 @@ def rhino_points(curve) -> list[np.ndarray]:
     return [np.array([vector(curve.PointAt(x)) for x in np.linspace(ends.T0, ends.T1, 1000)])]
 
 
-def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
+def test_step_wires_are_near_the_exact_lines(tmp_path, inspected):
     from build123d import import_step
 
     sheet, details = DOMED

@@ -17,9 +17,9 @@ from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import open_edges, part_of
 from dsfab.thickening import offsets, thicken
 from tests.app.test_cli import run
-from tests.export.test_export import box, quick_step, torus  # noqa: F401
+from tests.export.test_export import box, torus
 from tests.export.test_step import plate_with_hole
-from tests.zoo import ZOO, lifted
+from tests.shapes import ZOO, lifted
 
 
 def prepared(solid, faces=STEP_FACES):
@@ -32,7 +32,7 @@ def finely(solid):
     return type(solid)(V, F, solid.genus, solid.pieces)
 
 
-def saddle():
+def saddle_solid():
     """A curved sheet, thick against the bend of its faces: 1,344 triangles, no two in one plane but on the rim."""
     surface = lifted(lambda x, y: 0.8 * (x - 0.5) * (y - 0.5), cells=16)
     return thicken(surface, offsets(surface, 0.1).D)
@@ -52,7 +52,7 @@ def test_the_size_of_a_faceted_file_is_known_to_a_tenth(name):
     assert faceted_bytes(shape) == pytest.approx(sum(map(len, file.encode(part))), rel=0.1)
 
 
-def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F811
+def test_estimates_count_what_the_files_have(tmp_path, inspected):
     solid = plate_with_hole()
     found = {one.way: one for one in step_estimates(solid)}
     assert [way for way, one in found.items() if one.chosen] == ["planar"]
@@ -107,22 +107,22 @@ def test_distances_between_surfaces_are_measured_both_ways():
     assert file_size.distance(both, np.r_[one.F, one.F + 8], one.V, one.F) == pytest.approx(np.sqrt(75))
 
 
-def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, quick_step):  # noqa: F811
-    said, solid = [], saddle()
+def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, inspected):
+    said, solid = [], saddle_solid()
     path = write(solid, tmp_path / "a.step", step=StepOptions("faceted", tolerance=0.01), note=said.append)
     assert path.read_bytes().count(b"=ADVANCED_FACE(") < 0.7 * len(solid.F)
     assert said[0].startswith(f"STEP is faceted, simplified from {len(solid.F):,} to")
     assert "mm off at most" in said[0]
 
 
-def test_auto_simplifies_what_is_over_the_budget(tmp_path, quick_step):  # noqa: F811
-    said, solid = [], saddle()
+def test_auto_simplifies_what_is_over_the_budget(tmp_path, inspected):
+    said, solid = [], saddle_solid()
     write(solid, tmp_path / "a.step", step=StepOptions(faces=1000), note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]
     assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
-def test_a_tolerance_that_does_not_help_is_said(tmp_path, quick_step):  # noqa: F811
+def test_a_tolerance_that_does_not_help_is_said(tmp_path, inspected):
     said = []
     write(box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
     assert "not simplified, since 'a' does not become simpler within 0.001 mm" in said[0]

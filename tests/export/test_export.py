@@ -14,12 +14,10 @@ import trimesh
 
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import FORMATS, Written, formats, write, writing
-from dsfab.export.cad.step import file as step
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 SIZE = np.array([0.2, 0.3, 0.05])
 TRIMESH = (".stl", ".ply", ".obj", ".off", ".glb")
@@ -41,12 +39,6 @@ def torus(nu: int = 24, nv: int = 12) -> Solid:
     c, d = (i + 1) % nu * nv + (j + 1) % nv, i * nv + (j + 1) % nv
     F = np.concatenate([np.c_[a, b, c], np.c_[a, c, d]])
     return Solid(np.c_[r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], F, genus=1, pieces=1)
-
-
-@pytest.fixture
-def quick_step(monkeypatch):
-    """Inspect STEP files in this process: a new one takes a second to load OCCT, each time."""
-    monkeypatch.setattr(step, "inspection", lambda part, path: step_facts(path))
 
 
 def loaded(path: Path) -> trimesh.Trimesh:
@@ -108,7 +100,7 @@ def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix, form in FORMATS.items() if isinstance(form, formats.MeshFormat)])
-def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, quick_step, suffix):
+def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, inspected, suffix):
     first = write(torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
     now = time.time()
     monkeypatch.setattr(time, "time", lambda: now + 86_400)
@@ -204,7 +196,7 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failu
     [("stl", {}, "12 triangles, volume error"), ("step", {"step": "planar"}, "6 faces, volume error"),
      ("step", {"step": "tessellated"}, "12 triangles, volume error"), ("brep", {}, "6 faces, volume error")],
 )  # fmt: skip
-def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path, quick_step, suffix, how, holds):
+def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path, inspected, suffix, how, holds):
     done: list[Written] = []
     path = write(box(), tmp_path / f"a.{suffix}", report=done.append, **how)
     assert (done[0].path, done[0].size) == (path, path.stat().st_size)

@@ -14,8 +14,6 @@ import trimesh
 
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
-from dsfab.export.cad.step import file as step_lines
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.drawing.svg import TITLE, scale_name
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, views, views_on_paper
 from dsfab.export.part import part_of
@@ -24,7 +22,7 @@ from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import StructureLine
-from tests.zoo import grid, lifted, sphere
+from tests.shapes import grid, lifted, sphere
 
 LINES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "lines"]
 
@@ -42,10 +40,7 @@ def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> 
 FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 * x * (1 - x)), frequency=4.0)
 
 
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_facts(path))
+pytestmark = pytest.mark.usefixtures("inspected")
 
 
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])

@@ -19,13 +19,12 @@ from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
-from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.surface.fields import StructureLine
 from tests.export.test_export import box
 from tests.export.test_lines import ARCHED, FLAT
 from tests.presets import DOME_MODES
-from tests.zoo import grid
+from tests.shapes import grid
 
 SMALL = {"surface.edge": 0.12, "export.formats": ["stl"]}
 
@@ -38,12 +37,6 @@ def design():
 @pytest.fixture(scope="module")
 def dome():
     return run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
-
-
-@pytest.fixture
-def quick_step(monkeypatch):
-    """Inspect BREP files in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
 
 
 def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
@@ -146,7 +139,7 @@ def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tm
 
 
 @pytest.mark.slow
-def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
+def test_occt_finds_the_solid_of_a_brep_file(tmp_path, inspected, design):
     from build123d import import_brep
 
     shape = import_brep(write(box(), tmp_path / "a.brep"))
@@ -159,7 +152,7 @@ def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
     assert told == [f"BREP is planar, its outline within {1000 * 0.01 / 40:.3g} mm of the mesh"]
 
 
-def test_a_brep_file_of_another_solid_is_not_kept(tmp_path, quick_step, monkeypatch):
+def test_a_brep_file_of_another_solid_is_not_kept(tmp_path, inspected, monkeypatch):
     from dataclasses import replace
 
     form = FORMATS[".brep"]

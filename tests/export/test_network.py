@@ -87,7 +87,7 @@ def striped(surface: Surface, kept=None, label=None) -> StripedSheet:
     return StripedSheet(F.reshape(-1, 3), rows, label[kept], np.zeros(int(kept.sum()), dtype=bool))
 
 
-def grid(surface: Surface) -> StripedSheet:
+def cylinder_grid(surface: Surface) -> StripedSheet:
     """Two members along the cylinder and two across, with their crossings; the middle is an opening."""
     angle, x = np.arctan2(*surface.centroids.T[[2, 1]]) / (np.pi / 2), surface.centroids[:, 0]
     along, across = (x < 0.25) | (x > 0.75), (angle < 0.2) | (angle > 0.8)
@@ -292,11 +292,11 @@ def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
 def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     """Half a flat ring whose edges jump by .4 mm: what is nearest to them was 13 mm off between them."""
     turn, r = np.linspace(0, np.pi, 73), np.linspace(600, 1200, 9)
-    edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
+    edges = np.concatenate([ring_points(turn, 600), ring_points(turn, 1200), ring_points(0, r), ring_points(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
-    inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
+    inside = ring_points(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
     poles, _, gap, _ = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
-    u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
+    u, v = ((ring_points(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
     B, C = (_powers(x, len(poles) - 1) for x in (u, v))
     assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
     assert gap < 0.4
@@ -362,7 +362,7 @@ def test_the_rectangle_of_a_strip_lies_along_it():
     assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 
 
-def ring(turn, r) -> np.ndarray:
+def ring_points(turn, r) -> np.ndarray:
     """(k, 3) points around the origin."""
     return np.stack(np.broadcast_arrays(r * np.cos(turn), r * np.sin(turn), 0.0), axis=-1).reshape(-1, 3)
 
@@ -374,7 +374,7 @@ def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
         assert len(net.chains) == 4
     given = cylinder_strip()
     lifting = lifting_of(given)
-    net = without_fillets(net_of(grid(given), given.V, lifting.skins.normals, T), lifting)
+    net = without_fillets(net_of(cylinder_grid(given), given.V, lifting.skins.normals, T), lifting)
     assert len(net.loops) == 8  # four crossings, four stretches between them
     steps = [step for loops in net.loops.values() for loop in loops for step in loop]
     for k, chain in net.chains.items():
@@ -825,7 +825,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
 
 def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     assert member_draft(part, SmoothPlan(part)).faces > 10
     with pytest.raises(ManyFacesError, match=r"more than 10, which take too long to be tried unasked$"):
         member_draft(replace(part, hurry=1), SmoothPlan(part))
@@ -834,7 +834,7 @@ def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
 @pytest.mark.slow
 def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
     surface = cylinder_strip()
-    part, solid, curved = draft_of(surface, grid(surface))
+    part, solid, curved = draft_of(surface, cylinder_grid(surface))
     said, path = list[str](), tmp_path / "grid.step"
     write(solid, path, step=StepOptions("members", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is by members")
@@ -851,7 +851,7 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
 def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeypatch):
     """The same grid: one cut of it is tried, and none where it has more faces than are cut unasked."""
     surface = cylinder_strip()
-    _, solid, curved = draft_of(surface, grid(surface))
+    _, solid, curved = draft_of(surface, cylinder_grid(surface))
     ask, said = StepOptions(curved=partial(lambda: curved)), list[str]()
     write(solid, tmp_path / "grid.step", step=ask, note=said.append)
     assert said[0].startswith("STEP is by members")
@@ -862,13 +862,13 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
     assert "; not cut here, since it has more than" in said[1]
 
 
-def test_members_of_which_occt_draws_no_solid_are_refused(here):
+def test_members_of_which_occt_draws_no_solid_are_refused(inspected_pieces):
     """A triangle is turned over: `dsfab check` would fail the file."""
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
     seen = []
     found = reports.whole_findings(None, made.text, off, 60, seen.append)
-    assert [one["valid"] for one in here] == [True]
+    assert [one["valid"] for one in inspected_pieces] == [True]
     (mesh,) = seen
     assert mesh.solids == 1
     *away, shape = _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(mesh, made_of.gate)])
@@ -888,7 +888,7 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
 @pytest.mark.slow
 def test_without_stripes_the_file_is_smooth_and_says_why(tmp_path):
     surface = cylinder_strip()
-    _, solid, curved = draft_of(surface, grid(surface))
+    _, solid, curved = draft_of(surface, cylinder_grid(surface))
     said = list[str]()
     ask = StepOptions("members", curved=lambda: replace(curved, striped=None))
     write(solid, tmp_path / "a.step", step=ask, note=said.append)

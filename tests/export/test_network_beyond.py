@@ -48,7 +48,7 @@ BENT = np.array([[0, 0], [33, 10], [27, -78], [-2, -79], [-11, -82], [-14, 3.0]]
 Way = tuple[float, float]
 
 
-def lifted(points: np.ndarray, wave: float = 0.0, bend: Way = (0, 0)) -> np.ndarray:
+def dish_points(points: np.ndarray, wave: float = 0.0, bend: Way = (0, 0)) -> np.ndarray:
     """(k, 6) on both skins of a dish, which may have waves; it is bent in the plane by as much as `bend` at 80 mm."""
     x, y = points.T
     points = points + np.c_[bend[0] * (y / 80) ** 2, bend[1] * (x / 80) ** 2]
@@ -63,7 +63,7 @@ def patch_poles(corners: np.ndarray, wave: float, bend: Way) -> np.ndarray:
     a, b, c, d = corners
     at = (1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d
     B = np.linalg.inv(bernstein(x))
-    return np.einsum("ai,bj,ijk->abk", B, B, lifted(at.reshape(-1, 2), wave, bend).reshape(4, 4, 6))
+    return np.einsum("ai,bj,ijk->abk", B, B, dish_points(at.reshape(-1, 2), wave, bend).reshape(4, 4, 6))
 
 
 def dish(points: np.ndarray, one: list[int], four: list[int], ahead: bool, wave: float, bend: Way = (0, 0)) -> NetModel:
@@ -72,7 +72,7 @@ def dish(points: np.ndarray, one: list[int], four: list[int], ahead: bool, wave:
     first, second = (patch_poles(points[quad], wave, bend) for quad in (four, [3, 2, 1, 0]))
     right = parts_of(first[None, 3], np.zeros(1), np.full(1, 1.0 if len(one) == 4 else 0.5))[0]
     second[0], beyond = right, parts_of(first[None, 3], np.full(1, 0.5), np.ones(1))[0]
-    model = NetModel(vertices=list(lifted(points, wave, bend)))
+    model = NetModel(vertices=list(dish_points(points, wave, bend)))
     model.edges.append(NetEdge(3, 0, right) if ahead else NetEdge(0, 3, right[::-1]))
     around = [first[::-1, 3], first[0, ::-1], first[:, 0]]
     both = (
@@ -152,7 +152,7 @@ def test_a_seam_goes_on_over_a_trimmed_face_only_if_this_is_on_it():
     x = np.linspace(-130, 130, 3)
     flat = np.stack(np.meshgrid(x, x, indexing="ij"), axis=2).reshape(-1, 2)
     B = np.linalg.inv(np.stack([(1 - u) ** np.array([2, 1, 0]) * u ** np.arange(3) * [1, 2, 1] for u in (0, 0.5, 1)]))
-    both = np.einsum("ai,bj,ijk->abk", B, B, lifted(flat).reshape(3, 3, 6))
+    both = np.einsum("ai,bj,ijk->abk", B, B, dish_points(flat).reshape(3, 3, 6))
     face = TrimmedFace([model.patches[0].loop], both[..., :3], both[..., 3:], (np.eye(3), np.eye(3)), 0.0, 0.0)
     one = replace(model, patches=model.patches[1:])
     new, (found,), seams = with_long_seams(one, [face])

@@ -21,7 +21,7 @@ from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.splines import bernstein
-from tests.export.test_network import cylinder_strip, draft_of, grid
+from tests.export.test_network import cylinder_grid, cylinder_strip, draft_of
 
 ANYWHERE = np.array([[-np.inf] * 3, [np.inf] * 3])
 
@@ -137,7 +137,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
 
 def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree_3():
     """The outlines of these are curves of a quarter of a turn."""
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     text = member_draft(part, SmoothPlan(part)).text
     degrees = re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text)
     assert [degrees.count(both) for both in (("2", "2"), ("2", "1"))] == [4, 4]

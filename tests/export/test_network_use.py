@@ -20,7 +20,7 @@ from dsfab.export.cad.step.worker.use import (
 SIDE = 100.0
 
 
-def square(at: np.ndarray, axis: int, share: float, outwards: bool):
+def square_face(at: np.ndarray, axis: int, share: float, outwards: bool):
     """A square face around a point, normal to an axis, with so much less area than one of `LEAST_SIDE`."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
@@ -35,7 +35,7 @@ def halves(section: float, skin: float = 0.0):
     return [
         compound(
             [
-                square(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
+                square_face(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
                 for axis in range(3)
                 for way in (-1, 1)
             ]

@@ -10,7 +10,7 @@ from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.thickening import Solid
-from tests.export.test_export import box, quick_step, torus  # noqa: F401
+from tests.export.test_export import box, torus
 
 
 def three() -> Solid:
@@ -24,7 +24,7 @@ def three() -> Solid:
     return Solid(np.concatenate(V), np.concatenate(F), genus=1, pieces=3)
 
 
-def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, quick_step):  # noqa: F811
+def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, inspected):
     from build123d import import_step
 
     path = write(three(), tmp_path / "a.step", step="faceted", name="roof")
@@ -38,7 +38,7 @@ def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, quick_step):
     assert import_step(write(box(), tmp_path / "b.step", name="one")).label == "one"
 
 
-def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F811
+def test_compressed_step_holds_the_same_file(tmp_path, inspected):
     plain, packed = (write(torus(), tmp_path / f"a.{suffix}", step="faceted", name="a") for suffix in ("step", "stpz"))
     with zipfile.ZipFile(packed) as archive:
         assert archive.namelist() == ["a.stp"]
@@ -47,7 +47,7 @@ def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F81
     assert packed.read_bytes() == write(torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
 
 
-def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, quick_step):  # noqa: F811
+def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, inspected):
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
     found = step_facts(path)

@@ -20,7 +20,7 @@ from dsfab.export.part import DividedSheet, part_of
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 THICKNESS = 0.04
 
@@ -154,7 +154,7 @@ def test_runs_of_a_wall_end_where_a_seam_touches_it():
 
 
 @pytest.mark.slow
-def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
+def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, inspected_pieces, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
     monkeypatch.setattr(acceptance, "LAYOUTS", acceptance.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)

@@ -16,7 +16,7 @@ from dsfab.export.cad.step.worker.reports import distinct_points
 from dsfab.export.splines import splines_through
 from dsfab.surface.shapes.round_shapes import sphere
 from dsfab.surface.topology import edge_table, faces_at
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 def wavy(rng, count, d=2):

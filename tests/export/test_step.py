@@ -14,22 +14,13 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.entities import step_string
 from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, _corners, outline_of, polyhedron
 from dsfab.export.cad.step.worker import program, reports
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.mesh.soundness import solids_of, winding
 from dsfab.export.part import part_of
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken
 from tests.export.test_export import box, needle, torus
-from tests.zoo import grid, sphere
-
-
-@pytest.fixture
-def here(monkeypatch):
-    """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
-    found: dict = {}
-    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts(path)) or found)
-    return found
+from tests.shapes import grid, sphere
 
 
 def joined(solid: Solid) -> Polyhedron:
@@ -101,7 +92,7 @@ def test_a_box_in_a_process_of_its_own_reads_back_in_millimetres(tmp_path):
     assert [*low, *high] == pytest.approx([1000, -2000, 500, 1200, -1700, 550], abs=1e-5)
 
 
-def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, here):
+def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, inspected):
     solid = plate_with_hole()
     shape = joined(solid)
     assert len(solid.F) > 150
@@ -110,11 +101,11 @@ def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, here):
     assert sorted(np.diff(shape.faces).tolist()) == [1] * 8 + [2, 2]
     check_laws(shape, 0.32 * 0.02)
     write(solid, tmp_path / "plate.stp")
-    assert here["volume"] == pytest.approx(0.32 * 0.02 * 1e9, rel=1e-6)
-    assert (here["solids"], here["faces"], here["valid"]) == (1, 10, True)
+    assert inspected["volume"] == pytest.approx(0.32 * 0.02 * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["faces"], inspected["valid"]) == (1, 10, True)
 
 
-def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, here):
+def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, inspected):
     heights = np.zeros((5, 5))
     heights[1, 1] = heights[3, 3] = 0.05
     solid = bumps(heights)
@@ -126,7 +117,7 @@ def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, here):
     assert len(inner) == 2
     assert len(set(inner[0].tolist()) & set(inner[1].tolist())) == 1
     write(solid, tmp_path / "a.step")
-    assert here["valid"]
+    assert inspected["valid"]
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -209,22 +200,22 @@ def test_slivers_lie_in_their_neighbours_face():
     check_laws(shape, 1 / 6)
 
 
-def test_two_tubes_are_two_solids(tmp_path, here):
+def test_two_tubes_are_two_solids(tmp_path, inspected):
     ring = torus(10, 6)
     pair = both(ring, Solid(ring.V + [0, 0, 2], ring.F, 1, 1))
     write(pair, tmp_path / "pair.step")
-    assert here["solids"] == 2
-    assert here["faces"] == 2 * (4 * 10 + 2)  # flat trapezoids; the topmost and lowest make rings
-    assert here["volume"] == pytest.approx(2 * ring.volume * 1e9, rel=1e-6)
+    assert inspected["solids"] == 2
+    assert inspected["faces"] == 2 * (4 * 10 + 2)  # flat trapezoids; the topmost and lowest make rings
+    assert inspected["volume"] == pytest.approx(2 * ring.volume * 1e9, rel=1e-6)
 
 
-def test_a_thickened_sphere_is_one_solid_with_a_void(tmp_path, here):
+def test_a_thickened_sphere_is_one_solid_with_a_void(tmp_path, inspected):
     ball = sphere(2)
     shell = thicken(ball, 0.05 * ball.vertex_normals)
     path = write(shell, tmp_path / "shell.step")
     assert path.read_text("ascii").count("BREP_WITH_VOIDS") == 1
-    assert (here["solids"], here["valid"]) == (1, True)
-    assert here["volume"] == pytest.approx(shell.volume * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["valid"]) == (1, True)
+    assert inspected["volume"] == pytest.approx(shell.volume * 1e9, rel=1e-6)
 
 
 def test_a_void_is_written_as_a_shell_that_faces_outwards(monkeypatch):
@@ -262,7 +253,7 @@ def test_a_piece_inside_out_is_refused(tmp_path):
         write(turned, tmp_path / "a.step")
 
 
-def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
+def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, inspected):
     solid = plate_with_hole()
     write(solid, tmp_path / "plate.step", step=StepOptions(faces=10))
     (tmp_path / "plate.step").unlink()
@@ -280,10 +271,10 @@ def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
     assert not any(tmp_path.iterdir())
 
 
-def test_vertices_closer_than_the_decimals_are_merged(tmp_path, here):
+def test_vertices_closer_than_the_decimals_are_merged(tmp_path, inspected):
     path = write(needle(1e-10, 0.0), tmp_path / "a.step")
     assert path.read_text("ascii").count("VERTEX_POINT") == 8
-    assert here["faces"] == 6
+    assert inspected["faces"] == 6
 
 
 def test_an_edge_with_four_triangles_is_refused(tmp_path):
@@ -309,7 +300,7 @@ def test_an_edge_with_four_triangles_is_refused(tmp_path):
     ],
     ids=["metres", "open", "no solid", "crossing", "dented"],
 )
-def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, said):
+def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, inspected, pattern, by, said):
     entities = file.entities
 
     def spoilt(*arguments):

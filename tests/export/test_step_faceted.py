@@ -14,7 +14,7 @@ from dsfab.export.part import part_of
 from dsfab.thickening import Solid
 from tests.export.test_export import torus
 from tests.export.test_programs import module
-from tests.export.test_step import here, plate_with_hole  # noqa: F401
+from tests.export.test_step import plate_with_hole
 
 UNIT = 10.0**-FACETED_DIGITS
 
@@ -77,22 +77,22 @@ def test_edges_along_an_axis_share_a_direction_whatever_their_lengths():
     assert len(directions) == 2 + 3 + 6  # of the header, of edges along three axes, and of faces
 
 
-def test_a_turned_plate_still_has_ten_faces_and_is_valid(tmp_path, here):  # noqa: F811
+def test_a_turned_plate_still_has_ten_faces_and_is_valid(tmp_path, inspected):
     """Planes are found before the corners are rounded, which would tell small triangles from their neighbours."""
     solid = turned(plate_with_hole(), 2)
     write(solid, tmp_path / "a.step", step="faceted")
-    assert (here["solids"], here["faces"], here["valid"]) == (1, 10, True)
-    assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["faces"], inspected["valid"]) == (1, 10, True)
+    assert inspected["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-6)
 
 
-def test_corners_nearer_than_the_decimals_become_one(tmp_path, here):  # noqa: F811
+def test_corners_nearer_than_the_decimals_become_one(tmp_path, inspected):
     solid = torus()
     V = solid.V.copy()
     a, b, *_ = solid.F[0]
     V[b] = V[a] + 3e-9  # metres: less than 1e-5 mm, more than 1e-6 mm
     write(replace(solid, V=V), tmp_path / "a.step", step="faceted")
-    assert here["valid"]
-    assert here["faces"] < len(solid.F)
+    assert inspected["valid"]
+    assert inspected["faces"] < len(solid.F)
 
 
 def test_a_face_takes_less_than_900_bytes_and_the_same_solid_gives_the_same_ones():
@@ -103,7 +103,7 @@ def test_a_face_takes_less_than_900_bytes_and_the_same_solid_gives_the_same_ones
 
 
 @module("gmsh")
-def test_gmsh_meshes_a_turned_faceted_solid_with_its_volume(tmp_path, here):  # noqa: F811
+def test_gmsh_meshes_a_turned_faceted_solid_with_its_volume(tmp_path, inspected):
     import gmsh
 
     solid = turned(plate_with_hole(), 3)

@@ -93,7 +93,7 @@ def test_all_is_drawn_where_faces_alone_do_not_hang_together_as_before(monkeypat
     assert sound.sound
 
 
-def test_faces_have_the_same_numbers_when_they_are_drawn_alone(tmp_path, here):
+def test_faces_have_the_same_numbers_when_they_are_drawn_alone(tmp_path, inspected_pieces):
     """A tube beside a ball: each face alone where it was, and two that share an edge with the same points on it."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeSphere
     from OCP.gp import gp_Pnt

@@ -45,7 +45,7 @@ def frame(points, fixed, loads, *, width=0.1, thickness=0.05, normal=(0, 0, 1), 
     )
 
 
-def cantilever(thickness=0.05) -> Frame:
+def loaded_bar(thickness=0.05) -> Frame:
     """2 m along x, a force across, one in the surface, one along it, and a torque, at its tip."""
     loads = {"across": [0, 0, -1e3, 0, 0, 0], "in": [0, 1e3, 0, 0, 0, 0], "along": [1e3, 0, 0, 0, 0, 0]}
     tip = {name: {4: row} for name, row in (loads | {"torque": [0, 0, 0, 1e3, 0, 0]}).items()}
@@ -54,7 +54,7 @@ def cantilever(thickness=0.05) -> Frame:
 
 def test_cantilever():
     """PL^3/3EI + PL/kGA, PL/EA, TL/GJ, the forces of its sections, and reactions [Timoshenko 1921]."""
-    made = cantilever()
+    made = loaded_bar()
     found = solve_frame(made)
     G, A, L = STEEL.shear, 0.1 * 0.05, 2.0
     for name, at, inertia in (("across", 2, 0.1 * 0.05**3 / 12), ("in", 1, 0.05 * 0.1**3 / 12)):
@@ -268,7 +268,7 @@ def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_ot
 
 def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
     """The twisty tower is pressed on a disc that bends: two thirds of its energy, of which its beams have a tenth."""
-    made = cantilever()
+    made = loaded_bar()
     answers = solve_frame(made)
     sheet = {
         name: SimpleNamespace(compliance=one.compliance, largest_displacement=1.0) for name, one in answers.items()

@@ -16,9 +16,9 @@ from dsfab.members.eurocode import MemberBays, Rules, utilisation
 from dsfab.members.frame import forces_along
 from dsfab.statics import Material
 from dsfab.surface import Surface
-from tests.members.test_section_forces import forces_of, short_tube, strip
+from tests.members.test_section_forces import forces_of, loaded_strip, short_tube
+from tests.shapes import grid, jittered
 from tests.statics.test_modes import hold
-from tests.zoo import grid, jittered
 
 N, VY, VZ, MT, MY, MZ = range(6)
 
@@ -50,7 +50,7 @@ STRIP = axis(np.outer(np.linspace(0, 1, 21), [1, 0, 0]) + [0, 0.075, 0], [0, 0, 
 
 def test_a_cantilever_pressed_against_its_normals():
     """V = F down on what lies before the section, M = F (L - x), and the side of the normals is stretched."""
-    s, found = strip(16, 3, (0, 0, -100.0))
+    s, found = loaded_strip(16, 3, (0, 0, -100.0))
     at = np.array([0.2, 0.5, 0.8])
     total = 100 * 0.15
     rows = borne(s, found, STRIP, at)
@@ -63,7 +63,7 @@ def test_a_cantilever_pressed_against_its_normals():
 def test_a_cantilever_in_its_plane(across):
     """The same in the sheet: Vy = F, Mz = F (L - x); a force to the left stretches the right side. By means of its
     faces a rib of two of them would have three quarters of that."""
-    s, found = strip(32, across, (0, 1000.0, 0), width=0.15)
+    s, found = loaded_strip(32, across, (0, 1000.0, 0), width=0.15)
     at = np.array([0.3, 0.5, 0.7])
     rows = borne(s, found, STRIP, at)
     assert rows[:, VY] == pytest.approx(150, rel=0.01)

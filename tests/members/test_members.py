@@ -19,11 +19,11 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import CornerField, Surface
-from tests.analytic import SURFACES, WIDTH, grid
+from tests.analytic import SURFACES, WIDTH, chart_grid
 from tests.designs import coarse_design, sliced
 from tests.meshes import mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
-from tests.zoo import grid as plain_grid
+from tests.shapes import grid
 
 CALM = 0.6
 """Metres from the ends of an axis, where a spline knows less."""
@@ -128,10 +128,10 @@ def test_the_frame_of_an_axis_is_right_handed_and_closes():
 # --- plates, on which everything is exact
 
 
-def plate(z, d, edge=0.1, size=(2.0, 1.4), shake=0.2):
+def striped_plate(z, d, edge=0.1, size=(2.0, 1.4), shake=0.2):
     """A plate with the stripes of two fields z(x, y), half-widths d in periods."""
     u, v = (np.linspace(0, one, round(one / edge) + 1) for one in size)
-    surface, x, y = grid(lambda x, y: (x, y, 0 * x), u, v, shake)
+    surface, x, y = chart_grid(lambda x, y: (x, y, 0 * x), u, v, shake)
     values = [field(x, y) for field in z]
     bands = tuple(np.stack([one + d, one - d], axis=1) for one in values)
     levels = tuple(np.arange(np.floor(one.min()) - 1, np.ceil(one.max()) + 2) for one in values)
@@ -151,7 +151,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
         lambda x, y, a=a, s=s: (x * np.cos(a) + y * np.sin(a)) / 0.31 + s
         for a, s in zip(angles, (one, two), strict=True)
     ]
-    surface, pattern = plate(z, 0.15)
+    surface, pattern = striped_plate(z, 0.15)
     graph = graph_of(surface, pattern)
     assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     A = np.array([[np.cos(a), np.sin(a)] for a in angles]) / 0.31
@@ -170,7 +170,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
 
 @pytest.mark.parametrize("seed", range(3))
 def test_members_do_not_depend_on_how_faces_see_a_phase(seed):
-    surface, pattern = plate([lambda x, y: 3 * x + 0.4 * y + 0.13, lambda x, y: 2.7 * y - 0.3 * x + 0.21], 0.15)
+    surface, pattern = striped_plate([lambda x, y: 3 * x + 0.4 * y + 0.13, lambda x, y: 2.7 * y - 0.3 * x + 0.21], 0.15)
     plain = graph_of(surface, pattern)
     random = np.random.default_rng(seed)
     fields = []
@@ -192,7 +192,7 @@ def test_members_do_not_depend_on_how_faces_see_a_phase(seed):
 
 
 def test_a_stripe_along_the_edge_has_its_axis_on_the_edge():
-    surface, pattern = plate([lambda x, y: y / 0.35, lambda x, y: x / 0.5 + 0.1], 0.1, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.35, lambda x, y: x / 0.5 + 0.1], 0.1, shake=0.0)
     graph = graph_of(surface, pattern)
     assert [one.axis.P[:, 1].mean().round(6) for one in graph.members[:5]] == [0.0, 0.35, 0.7, 1.05, 1.4]
     edge = graph.by_id["A01"]
@@ -203,17 +203,17 @@ def test_a_stripe_along_the_edge_has_its_axis_on_the_edge():
 
 
 def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle():
-    surface, pattern = plate([lambda x, y: y / 0.7 - 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 - 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
     lowest = graph_of(surface, pattern).members[0]  # z = 0 is at y = .035, and z = -.05 at the edge
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.035))
-    surface, pattern = plate([lambda x, y: y / 0.7 + 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 + 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
     lowest = graph_of(surface, pattern).members[0]  # from the edge to z = .12, at y = .049
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.0245), abs=1e-6)
 
 
 def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_nothing():
     """At a corner of the strip is a cell above its wall, as of a fillet, and beside that one a cell below it again."""
-    surface, pattern = plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
     sheet = cut(surface, pattern.fields, pattern.levels).subset()
     plain = sheet.subset((sheet.surface.centroids[:, 1] < 0.15) & (sheet.surface.centroids[:, 0] > 0.3))
     V, F = plain.surface.V, plain.surface.F
@@ -233,7 +233,9 @@ def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_no
 
 
 def test_a_line_that_turns_back_is_two_members_that_end_at_each_other():
-    surface, pattern = plate([lambda x, y: 2.5 * (y + np.abs(x - 1)) + 0.3, lambda x, y: 2 * x + 0.3], 0.15, shake=0.0)
+    surface, pattern = striped_plate(
+        [lambda x, y: 2.5 * (y + np.abs(x - 1)) + 0.3, lambda x, y: 2 * x + 0.3], 0.15, shake=0.0
+    )
     graph = graph_of(surface, pattern)
     bent = [one for one in graph.members if one.id[0] == "A" and one.id[-1] in "ab" and one.length > 0.5]
     assert bent
@@ -246,7 +248,7 @@ def test_a_line_that_turns_back_is_two_members_that_end_at_each_other():
 
 
 def test_members_that_only_touch_are_listed_as_grazing():
-    surface, pattern = plate([lambda x, y: (y - 0.4) / 3, lambda x, y: (y - 0.4 - 0.13 - 0.01 * x) / 3], 0.04)
+    surface, pattern = striped_plate([lambda x, y: (y - 0.4) / 3, lambda x, y: (y - 0.4 - 0.13 - 0.01 * x) / 3], 0.04)
     graph = graph_of(surface, pattern)
     assert [node.kind for node in graph.nodes] == ["grazing"]
     assert graph.nodes[0].members == ("A01", "B01")
@@ -258,7 +260,7 @@ RIM = 0.12
 
 def beside_a_rim(middle):
     """One strip, .12 m wide, about the zero of a function of x and y in metres; within .12 m of y = 0 all is kept."""
-    surface, pattern = plate([lambda x, y: middle(x, y) / 3], 0.02, edge=0.05, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: middle(x, y) / 3], 0.02, edge=0.05, shake=0.0)
     levels, widths = (np.array([-RIM]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
     return surface, PatternResult(("rim", "major"), (-surface.V[:, 1], *pattern.fields), levels, widths)
 
@@ -299,7 +301,7 @@ def test_a_ring_that_lies_on_a_rim_is_open_there():
 
 def test_what_is_kept_around_a_support_is_one_band_without_its_ends_that_run_out_of_the_sheet():
     """All within .2 m of the line from (.5, 0) to (1.5, 0): its middle turns at both ends, and is .1 m long there."""
-    surface, pattern = plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
     x, y, _ = surface.V.T
     away = np.hypot(np.clip(np.abs(x - 1) - 0.5, 0, None), y)
     levels, widths = (np.array([-0.2]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
@@ -539,7 +541,7 @@ def test_a_surface_that_is_all_material_is_one_plate():
 
 
 def test_slivers_beside_one_stripe_belong_to_it_and_corners_between_two_to_none():
-    plate = plain_grid(4, 1, 4.0, 1.0)
+    plate = grid(4, 1, 4.0, 1.0)
     column = plate.centroids[:, 0].astype(int)  # a sliver, stripe 1, a corner, stripe 2
     sheet = cut(plate, [plate.V[:, 0]], [[-1.0]])
     cells = _without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)

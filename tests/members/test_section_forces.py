@@ -16,9 +16,9 @@ from dsfab.export import FORMATS
 from dsfab.statics import CONVENTION, Elements, Material, SectionForces, section_forces
 from dsfab.statics.internal_forces import local_frames
 from dsfab.surface import Surface
+from tests.shapes import ZOO, grid, jittered, sphere, subsurface, tube
 from tests.statics.test_modes import hold, order, rim
 from tests.statics.test_stress import BEST, H, solved
-from tests.zoo import ZOO, grid, jittered, sphere
 
 
 def forces_of(surface, fixed, elements=BEST, **how) -> SectionForces:
@@ -26,7 +26,7 @@ def forces_of(surface, fixed, elements=BEST, **how) -> SectionForces:
     return section_forces(surface, how.get("thickness", H), stress)
 
 
-def strip(nx, ny, force, elements=BEST, poisson=0.0, width=0.15):
+def loaded_strip(nx, ny, force, elements=BEST, poisson=0.0, width=0.15):
     """A cantilever of length 1, clamped at x = 0, with a force per length (3,) at its tip, N/m."""
     s = jittered(grid(nx, ny, 1.0, width))
     root, tip = s.V[:, 0] < 1e-9, s.V[:, 0] > 1 - 1e-9
@@ -38,7 +38,7 @@ def strip(nx, ny, force, elements=BEST, poisson=0.0, width=0.15):
 
 def test_a_strip_hogs_and_its_shear_is_the_force_at_its_tip():
     """m_x = -F (L - x): pressed against the normals, the side of the normals is stretched. q_x = F, exactly."""
-    s, found = strip(16, 3, (0, 0, -100.0))
+    s, found = loaded_strip(16, 3, (0, 0, -100.0))
     assert_allclose(found.m[:, 0], -100 * (1 - s.centroids[:, 0]), atol=1e-6)
     assert_allclose(found.q, np.tile([100.0, 0.0], (s.m, 1)), atol=1e-4)
     assert_allclose(found.m[:, 1:], 0, atol=1e-5)
@@ -46,7 +46,7 @@ def test_a_strip_hogs_and_its_shear_is_the_force_at_its_tip():
 
 
 def test_needles_are_answered_by_constant_moments_which_balance_their_shear_too():
-    s, found = strip(40, 8, (0, 0, -100.0), Elements("quadratic", "midedge"))
+    s, found = loaded_strip(40, 8, (0, 0, -100.0), Elements("quadratic", "midedge"))
     inner = (s.centroids[:, 0] > 0.15) & (s.centroids[:, 0] < 0.85)
     assert_allclose(np.average(found.q[inner, 0], weights=s.areas[inner]), 100, rtol=0.03)
     assert_allclose(carried(s, found, 0, 0.4, 0.6)[2], -15.0, rtol=1e-4)
@@ -54,7 +54,7 @@ def test_needles_are_answered_by_constant_moments_which_balance_their_shear_too(
 
 def test_a_strip_in_its_plane_pulls_above_and_shears_as_a_parabola():
     """n_x = F (L - x) y / I and n_xy = F (b^2 / 4 - y^2) / 2 I, for a force F down at the tip, per thickness."""
-    s, found = strip(32, 8, (0, -1000.0, 0), width=0.2)
+    s, found = loaded_strip(32, 8, (0, -1000.0, 0), width=0.2)
     b, total = 0.2, 1000 * 0.2
     y, x = s.centroids[:, 1] - b / 2, s.centroids[:, 0]
     inner = (x > 0.2) & (x < 0.8)
@@ -85,10 +85,7 @@ def test_a_supported_plate_has_naviers_moments_and_edge_shear():
 
 def short_tube():
     """A tube of radius 1 m, .2 m long, held against moving as a whole alone; its unit normals, outwards."""
-    around = grid(64, 3, 2 * np.pi, 0.2)
-    V = np.stack([np.cos(around.V[:, 0]), np.sin(around.V[:, 0]), around.V[:, 1]], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    s = Surface(V[first], of.reshape(-1)[around.F])
+    s = tube(64, 3, 1.0, 0.2)
     fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
     out = s.centroids * (1, 1, 0)
     return s, fixed, out / np.linalg.norm(out, axis=1, keepdims=True)
@@ -107,9 +104,7 @@ def test_a_hemisphere_under_its_weight_has_the_dome_formulas():
     """n_phi = -w R / (1 + cos phi), n_theta = w R (1 / (1 + cos phi) - cos phi), on a base that is free to spread:
     rings are stretched from 51.8 degrees on [Timoshenko and Woinowsky-Krieger, 105]."""
     ball = sphere(4)
-    half = ball.F[ball.centroids[:, 2] > 0]
-    used, F = np.unique(half, return_inverse=True)
-    s = Surface(ball.V[used], F.reshape(-1, 3))
+    s = subsurface(ball, ball.centroids[:, 2] > 0)
     x, y = (np.abs(s.V[:, axis]) < 1e-9 for axis in (0, 1))
     found = forces_of(s, hold(s, (rim(s), "z"), (x, "x"), (y, "y")), face=(0, 0, -1e3))
     cos = s.centroids[:, 2] / np.linalg.norm(s.centroids, axis=1)
@@ -169,7 +164,7 @@ def test_needles_of_faces_do_not_spoil_the_shear_around_them():
 
 def test_what_passes_a_section_is_what_presses_beyond_it():
     """A strip bent, sheared and pulled at once, and twisted by Poisson's ratio at its root."""
-    s, found = strip(24, 4, (70.0, -30.0, -100.0), width=0.2, poisson=0.3)
+    s, found = loaded_strip(24, 4, (70.0, -30.0, -100.0), width=0.2, poisson=0.3)
     for low, high in ((0.4, 0.6), (0.02, 0.1), (0.9, 0.95)):
         assert_allclose(carried(s, found, 0, low, high), np.array([70.0, -30.0, -100.0]) * 0.2, rtol=1e-4)
 
@@ -181,16 +176,16 @@ CUT = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing
 
 
 @pytest.fixture(scope="module")
-def dome():
+def dome_design():
     return dsfab.run(dsfab.load_preset("dome", CUT))
 
 
 @pytest.mark.slow
-def test_a_cut_domes_sections_carry_what_lies_above_them(dome):
+def test_a_cut_domes_sections_carry_what_lies_above_them(dome_design):
     """Ribs three faces wide, between the free edges of openings: within .2 %."""
-    found, s = dome.section_forces, dome.sheet.surface
+    found, s = dome_design.section_forces, dome_design.sheet.surface
     assert list(found) == ["dead", "snow", "all"]
-    loads = dome._loads_on_sheet(found)
+    loads = dome_design._loads_on_sheet(found)
     top = s.V[:, 2].max()
     for name, forces in found.items():
         low, high = 0.35 * top, 0.65 * top
@@ -199,7 +194,7 @@ def test_a_cut_domes_sections_carry_what_lies_above_them(dome):
     for what in ("n", "m", "q"):
         dead, snow, total = (getattr(found[name], what) for name in found)
         assert_allclose(total, 1.35 * dead + 1.5 * snow, atol=1e-6 * np.abs(total).max())
-    assert dome.section_forces is found
+    assert dome_design.section_forces is found
 
 
 def test_the_frame_is_that_of_the_convention():
@@ -230,15 +225,15 @@ def test_principal_values_rebuild_the_tensor(tensor, lean):
 
 
 @pytest.mark.slow
-def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome, tmp_path):
-    path = dome.write(tmp_path / "dome.forces.csv")
+def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome_design, tmp_path):
+    path = dome_design.write(tmp_path / "dome.forces.csv")
     with open(path, encoding="utf-8", newline="") as file:
         lines = file.readlines()
     said = [line[2:].strip() for line in lines if line.startswith("#")]
     assert said[0].startswith("units: metres, newtons")
     assert said[1 : 1 + len(CONVENTION)] == list(CONVENTION)
     table = list(csv.DictReader(lines[len(said) :]))
-    s, found = dome.sheet.surface, dome.section_forces
+    s, found = dome_design.sheet.surface, dome_design.section_forces
     assert [row["case"] for row in table[:: s.m]] == ["dead", "snow", "all"]
     last = {key: np.array([float(row[key]) for row in table[-s.m :]]) for key in table[0] if key != "case"}
     assert (last["face"] == np.arange(1, s.m + 1)).all()
@@ -249,22 +244,22 @@ def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome, tmp_
     assert_allclose(last["m_1 [N m/m]"], found["all"].principal("m").values[:, 0], rtol=1e-6)
 
 
-def test_paraview_gets_them_on_the_cut_sheet(dome, tmp_path):
+def test_paraview_gets_them_on_the_cut_sheet(dome_design, tmp_path):
     import pyvista
 
-    shown = pyvista.read(dome.write(tmp_path / "dome.forces.vtu"))
-    assert shown.n_cells == dome.sheet.surface.m
-    assert_allclose(shown.cell_data["snow m_x [N m/m]"], dome.section_forces["snow"].m[:, 0])
-    assert_allclose(shown.cell_data["local y [1]"], dome.section_forces["snow"].frame[:, 1])
+    shown = pyvista.read(dome_design.write(tmp_path / "dome.forces.vtu"))
+    assert shown.n_cells == dome_design.sheet.surface.m
+    assert_allclose(shown.cell_data["snow m_x [N m/m]"], dome_design.section_forces["snow"].m[:, 0])
+    assert_allclose(shown.cell_data["local y [1]"], dome_design.section_forces["snow"].frame[:, 1])
     first = shown.cell_data["snow n_1 direction [1]"]
-    assert_allclose(np.einsum("mx,mx->m", first, dome.sheet.surface.normals), 0, atol=1e-9)
+    assert_allclose(np.einsum("mx,mx->m", first, dome_design.sheet.surface.normals), 0, atol=1e-9)
     assert CONVENTION[1] in [str(shown.field_data[name][0]) for name in shown.field_data]
 
 
 @pytest.mark.parametrize("suffix", [".forces.csv", ".forces.vtu"])
-def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome, tmp_path, monkeypatch):
+def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome_design, tmp_path, monkeypatch):
     with pytest.raises(ExportError, match="only a design knows them"):
-        dsfab.write(dome.sheet, tmp_path / f"a{suffix}")
+        dsfab.write(dome_design.sheet, tmp_path / f"a{suffix}")
     form = FORMATS[suffix]
 
     def spoilt(part):
@@ -273,7 +268,7 @@ def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome, tmp_
 
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=spoilt))
     with pytest.raises((ExportError, ValueError)):
-        dome.write(tmp_path / f"a{suffix}")
+        dome_design.write(tmp_path / f"a{suffix}")
     assert not any(tmp_path.iterdir())
 
 

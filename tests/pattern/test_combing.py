@@ -12,7 +12,7 @@ from dsfab.pattern import Frames, Images, StressDirections, family_crossings
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Pattern
 from dsfab.surface import Surface
-from tests.zoo import grid, jittered, two_pieces
+from tests.shapes import grid, jittered, two_pieces
 
 PLATE = jittered(grid(24, 24, 1.0, 1.0), 0.2)
 X, Y = PLATE.V[:, 0], PLATE.V[:, 1]
@@ -77,7 +77,7 @@ def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
     assert turned.max() < 0.3
 
 
-def ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 72, about: int = 20) -> Surface:
+def swelling_ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 72, about: int = 20) -> Surface:
     """A closed ring about y: an ellipse of half-axes across and up, whose distance from the axis swells in waves."""
     i, j = np.meshgrid(np.arange(around), np.arange(about), indexing="ij")
     a, b = 2 * np.pi * (i + j / 2) / around, 2 * np.pi * j / about  # staggered: rings do not close on themselves
@@ -98,7 +98,7 @@ RINGS = ((1.0, 0.25, 0.25, 0.0), (1.0, 0.2, 0.3, 0.05), (0.8, 0.3, 0.2, 0.0))
 @pytest.fixture(scope="module", params=[RINGS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in RINGS[1:])])
 def pressed(request, tmp_path_factory):
     """Rings that stand on their lowest circle and are pressed on their highest."""
-    surface = ring(*request.param)
+    surface = swelling_ring(*request.param)
     path = tmp_path_factory.mktemp("ring") / "ring.obj"
     rows = [("v", *v) for v in surface.V.tolist()] + [("f", *f) for f in (surface.F + 1).tolist()]
     path.write_text("\n".join(" ".join(map(str, row)) for row in rows))

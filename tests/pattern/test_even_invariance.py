@@ -20,7 +20,7 @@ from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface, read_surface
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES
-from tests.zoo import grid, jittered, sphere
+from tests.shapes import grid, jittered, sphere
 
 TURN = Rotation.from_euler("xyz", [31, -57, 123], degrees=True).as_matrix()
 QUARTER = np.array([[0.0, -1, 0], [1, 0, 0], [0, 0, 1]])
@@ -90,7 +90,7 @@ def on_rim(surface: Surface) -> np.ndarray:
     return held
 
 
-def dome() -> Case:
+def loaded_dome() -> Case:
     """A cap on a plane rim of a square with rounded sides, irregular mesh, loads without symmetry."""
     flat = jittered(grid(20, 20, 2.0, 2.0), 0.2)
     x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
@@ -100,7 +100,7 @@ def dome() -> Case:
     return Case(surface, LoadCase(load.fixed, load.force * (1 + 2 * near[:, None]), load.loaded), (1.3, 0.9))
 
 
-def hypar() -> Case:
+def loaded_hypar() -> Case:
     """Two diagonal mirrors, to the mesh."""
     flat = jittered(grid(20, 20, 2.0, 2.0), 0.2)
     x, y = flat.V[:, 0] - 1, flat.V[:, 1] - 1
@@ -108,19 +108,19 @@ def hypar() -> Case:
     return Case(surface, supported(surface, on_rim(surface)), (1.0, 0.8))
 
 
-def globe() -> Case:
+def loaded_globe() -> Case:
     """Round: standing on a cap, pressed by its weight."""
     surface = sphere(4)
     return Case(surface, supported(surface, surface.V[:, 2] < -0.9), (0.45, 0.3))
 
 
-def canopy() -> Case:
+def loaded_canopy() -> Case:
     surface = read_surface(mesh_file("canopy_quad.obj"), "m")
     low = surface.V[:, 2] < surface.V[:, 2].min() + 0.05 * np.ptp(surface.V[:, 2])
     return Case(surface, supported(surface, low), (0.06 * surface.size, 0.05 * surface.size))
 
 
-CASES = {"dome": dome, "hypar": hypar, "globe": globe, "canopy": canopy}
+CASES = {"dome": loaded_dome, "hypar": loaded_hypar, "globe": loaded_globe, "canopy": loaded_canopy}
 every = pytest.mark.parametrize("name", list(CASES))
 
 

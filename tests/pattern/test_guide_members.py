@@ -8,7 +8,7 @@ from dsfab.pattern import Guide, Stripes
 from dsfab.pattern.guides import GuideError
 from dsfab.preset.file import load_preset
 from dsfab.surface.mesh import nearest_places
-from tests.pattern.test_steering import plate, towards
+from tests.pattern.test_steering import pulled, towards
 
 MIDDLE = np.array([1.5, 1.5, 0.0])
 SPACING = 0.375
@@ -22,7 +22,7 @@ def straight(angle: float, aside: float = 0.0, half: float = 1.0) -> list[list[f
 
 
 def guided(*curves, **more):
-    return plate(guide=[{"curve": curve, "member": True, **more} for curve in curves])
+    return pulled(guide=[{"curve": curve, "member": True, **more} for curve in curves])
 
 
 def crossings(given, distance, near, family: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -14,9 +14,9 @@ from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
+from tests.shapes import ZOO, grid, jittered, sphere, subsurface, zoo
 from tests.slicing.test_slicing import check_laws
 from tests.surface.test_geodesic import prism
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 SNAP = 0.05
 
@@ -151,9 +151,7 @@ def test_the_rim_of_a_dome_comes_to_that_of_the_half_sphere():
     errors = []
     for level in (1, 2, 3, 4):
         ball = sphere(level)
-        half = ball.F[ball.centroids[:, 2] > 0]
-        used, F = np.unique(half, return_inverse=True)
-        dome = Surface(ball.V[used], F.reshape(-1, 3))
+        dome = subsurface(ball, ball.centroids[:, 2] > 0)
         errors.append(abs(area(kept(dome, nothing(dome), 0.0, 0.5)) / (2 * np.pi * np.sin(0.5)) - 1))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.5)
     assert errors[-1] < 2e-3

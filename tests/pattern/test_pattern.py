@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dsfab.core.errors import PatternError
 from dsfab.pattern import Stripes, distance_to_boundary, distance_to_vertices, wave
 from dsfab.pattern.stripes import GLSL
-from tests.zoo import ZOO, grid, sphere
+from tests.shapes import ZOO, grid, sphere
 
 
 def test_wave_has_period_one_range_one_and_starts_at_its_top():

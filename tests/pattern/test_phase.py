@@ -27,14 +27,14 @@ from dsfab.pattern.frames import FEW
 from dsfab.pattern.phases import _propagate, krylov_power
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, torus, zoo
 
 
 def nowhere(surface: Surface) -> np.ndarray:
     return np.zeros(surface.n, bool)
 
 
-def annulus(cells: int, inner: float = 1.0, outer: float = 3.0, part: float = 0.5) -> Surface:
+def ring_part(cells: int, inner: float = 1.0, outer: float = 3.0, part: float = 0.5) -> Surface:
     """A part of a ring about the origin, in cells of about equal sides."""
     flat = grid(2 * cells, cells, part * 2 * np.pi, 1.0)
     angle, r = flat.V[:, 0], inner * (outer / inner) ** flat.V[:, 1]
@@ -212,7 +212,7 @@ def half_turns(plate: Surface, *centres: tuple[float, float]) -> np.ndarray:
 @pytest.mark.parametrize("name", ["dome", "saddle", "closed", "tube"])
 def test_signs_that_can_agree_do(name):
     """A smooth field without a half turn, in any signs: no seam on a disc, around a hole, or on a closed surface."""
-    surface = ZOO.get(name, lambda: annulus(8, part=1.0))()
+    surface = ZOO.get(name, lambda: ring_part(8, part=1.0))()
     frames = Frames.for_surface(surface)
     smooth = np.cross(frames.normal, [0.3, 0.2, 0.9]) + 1e-9
     g = smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
@@ -305,7 +305,7 @@ def test_rays_crowd_like_one_over_the_radius():
     """Radial stripes: g along the circles, curl(e^u g) = 0 for e^u = 1 / r; converges with the mesh."""
     errors = []
     for cells in (8, 16, 32):
-        ring = annulus(cells)
+        ring = ring_part(cells)
         u = log_density(Frames.for_surface(ring), around(ring) * signs(ring.n), np.ones(ring.m))
         v = -np.log(np.linalg.norm(ring.V, axis=1))
         off = (u - v) - weighted_quantile(u - v, ring.vertex_areas, 0.5)
@@ -317,7 +317,7 @@ def test_rays_crowd_like_one_over_the_radius():
 
 def test_circles_are_even():
     """Circular stripes: g along the radius is a gradient."""
-    ring = annulus(24)
+    ring = ring_part(24)
     g = np.cross(around(ring), [0, 0, 1.0])
     u = log_density(Frames.for_surface(ring), g * signs(ring.n), np.ones(ring.m))
     assert np.abs(u).max() < 0.01
@@ -329,7 +329,7 @@ def test_circles_are_even():
 
 def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     """With the density 1 / r the phase is an angle: no line begins or ends."""
-    ring = annulus(20)
+    ring = ring_part(20)
     r = np.linalg.norm(ring.V, axis=1)
     flow = Flow(Frames.for_surface(ring), around(ring) * signs(ring.n), 6 / (np.pi * r))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
@@ -342,7 +342,7 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
 
 
 def test_density_is_the_asked_one_on_average():
-    ring = annulus(12)
+    ring = ring_part(12)
     u = log_density(Frames.for_surface(ring), around(ring), np.ones(ring.m))
     for allowed in (True, False):
         halved = halving(u, ring.vertex_areas, allowed)
@@ -478,23 +478,13 @@ def turning_sum(surface: Surface, along: np.ndarray) -> float:
 @pytest.mark.parametrize(("name", "euler"), [("sphere", 2), ("torus", 0)])
 def test_indices_sum_to_the_euler_characteristic(name, euler, seed):
     """Poincare and Hopf, whatever the field, with the sign of the carried turns: a line field has half indices."""
-    surface = sphere(3) if name == "sphere" else torus()
+    surface = sphere(3) if name == "sphere" else torus(30, 14, 2.0, 0.8)
     rng = np.random.default_rng(seed)
     d = surface.centroids @ rng.normal(size=(3, 3)) + rng.normal(size=3)
     d -= np.einsum("mi,mi->m", d, surface.normals)[:, None] * surface.normals
     e = d / np.linalg.norm(d, axis=1, keepdims=True)
     along = cross_field(Frames.for_surface(surface), uniaxial(surface, e, np.linalg.norm(d, axis=1)), 0.2)
     assert abs(turning_sum(surface, along)) == euler
-
-
-def torus(around_: int = 30, tube: int = 14) -> Surface:
-    i, j = np.meshgrid(np.arange(around_), np.arange(tube), indexing="ij")
-    a, b = 2 * np.pi * i / around_, 2 * np.pi * j / tube
-    r = 2 + 0.8 * np.cos(b)
-    V = np.stack([r * np.cos(a), r * np.sin(a), 0.8 * np.sin(b)], axis=-1).reshape(-1, 3)
-    at = lambda p, q: (p % around_) * tube + q % tube  # noqa: E731
-    A, B, C, D = (x.ravel() for x in (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)))
-    return Surface(V, np.concatenate([np.c_[A, B, C], np.c_[A, C, D]]))
 
 
 # --- corners

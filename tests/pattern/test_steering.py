@@ -34,15 +34,14 @@ from dsfab.surface import All, Ball, LoadCase, Surface
 from tests.pattern.test_even_invariance import TURN, Case, difference
 from tests.pattern.test_even_invariance import case as zoo_case
 from tests.pattern.test_quality import drawn
-from tests.pattern.test_quality import plate as square
 from tests.presets import DOME_MODES
-from tests.zoo import grid, jittered, moebius
+from tests.shapes import grid, jittered, moebius, square
 
 CLEAR = 1 / (1 + 0.3 / np.sqrt(2))
 """Confidence under tension s along one axis: D = s, reference s / sqrt 2."""
 
 
-def plate(**more) -> Case:
+def pulled(**more) -> Case:
     """3 by 3 m, pulled along x by the same stress everywhere."""
     surface = jittered(grid(30, 30, 3.0, 3.0), 0.2)
     held = np.zeros((surface.n, 3), dtype=bool)
@@ -87,13 +86,13 @@ EVERYWHERE = {"at": {"pick": "all"}, "direction": towards(30), "weight": 1e6}
 
 
 def test_without_a_guide_stripes_run_along_the_tension():
-    assert off(degrees(plate())[0], 0) < 0.5
-    assert off(degrees(plate(), 1)[0], 90) < 0.5
+    assert off(degrees(pulled())[0], 0) < 0.5
+    assert off(degrees(pulled(), 1)[0], 90) < 0.5
 
 
 @pytest.mark.parametrize("family", ["major", "minor"])
 def test_a_heavy_guide_is_obeyed(family):
-    given = plate(guide=[{**EVERYWHERE, "family": family}])
+    given = pulled(guide=[{**EVERYWHERE, "family": family}])
     turned = 0 if family == "major" else 90
     assert off(degrees(given)[0], 30 + turned) < 0.5
     assert off(degrees(given, 1)[0], 120 + turned) < 0.5
@@ -103,18 +102,18 @@ def test_a_curve_guides_along_itself():
     """A straight one at 30 degrees that reaches far; and its points may be many, doubled, and the other way round."""
     middle, along = np.array([1.5, 1.5, 0.0]), np.array(towards(30))
     ends = [(middle + t * along).tolist() for t in (-3.0, 3.0)]
-    given = plate(guide=[{"curve": ends, "reach": 20.0, "weight": 1e6}])
+    given = pulled(guide=[{"curve": ends, "reach": 20.0, "weight": 1e6}])
     assert off(degrees(given)[0], 30) < 0.5
-    gently = plate(guide=[{"curve": ends, "reach": 20.0, "weight": 1.0}])
+    gently = pulled(guide=[{"curve": ends, "reach": 20.0, "weight": 1.0}])
     many = [(middle + t * along).tolist() for t in (3.0, 3.0, 1.0, 0.3, -0.2, -2.0, -3.0)]
-    other = plate(guide=[{"curve": many, "reach": 20.0, "weight": 1.0}])
+    other = pulled(guide=[{"curve": many, "reach": 20.0, "weight": 1.0}])
     assert np.abs(other.even.phases[0].value - gently.even.phases[0].value).max() < 1e-6
 
 
 def test_weight_is_counted_in_clear_stress():
     """z^2 = c + w e^{2 i 60}: with w = c stripes run halfway between, with w = 2 c at 45 degrees."""
     for share in (1.0, 2.0):
-        given = plate(guide=[{"at": {"pick": "all"}, "direction": towards(60), "weight": share * CLEAR}])
+        given = pulled(guide=[{"at": {"pick": "all"}, "direction": towards(60), "weight": share * CLEAR}])
         expected = np.degrees(np.angle(1 + share * np.exp(2j * np.radians(60)))) / 2
         assert off(degrees(given)[0], expected) < 0.5
 
@@ -122,16 +121,16 @@ def test_weight_is_counted_in_clear_stress():
 def test_a_tilted_direction_counts_as_far_as_it_is_tangent():
     """At 60 degrees to the plate a direction of length 1 leaves 1/2 on it, the square of which is 1/4."""
     tilted = [*(0.5 * np.array(towards(60))[:2]).tolist(), np.sqrt(0.75)]
-    given = plate(guide=[{"at": {"pick": "all"}, "direction": tilted, "weight": 4 * CLEAR}])
+    given = pulled(guide=[{"at": {"pick": "all"}, "direction": tilted, "weight": 4 * CLEAR}])
     assert off(degrees(given)[0], 30) < 0.5
 
 
 def test_a_curve_reaches_as_far_as_it_says():
     """Beyond its reach the field comes back within the smoothing length, the spacing."""
     curve = [[x, 0.4 + 0.6 * x, 0.0] for x in (-0.5, 0.5, 1.0)]
-    found, faces = degrees(plate(guide=[{"curve": curve, "reach": 0.5, "weight": 100}]))
+    found, faces = degrees(pulled(guide=[{"curve": curve, "reach": 0.5, "weight": 100}]))
     start, along = np.array(curve[0]), np.array([1.0, 0.6, 0.0]) / np.hypot(1, 0.6)
-    to = plate().surface.centroids[faces] - start
+    to = pulled().surface.centroids[faces] - start
     away = np.linalg.norm(to - np.clip(to @ along, 0, 1.75)[:, None] * along, axis=1)
     assert off(found[away < 0.15], np.degrees(np.arctan(0.6))) < 6
     assert off(found[away > 1.5], 0) < 7
@@ -139,17 +138,17 @@ def test_a_curve_reaches_as_far_as_it_says():
 
 def test_left_out_a_reach_is_the_smaller_spacing():
     curve = {"curve": [[0.5, 0.5, 0.0], [2.0, 2.0, 0.0]], "weight": 50}
-    given = plate(guide=[curve], **{"major.spacing": 0.6, "minor.spacing": 0.3})
-    same = plate(guide=[{**curve, "reach": 0.3}], **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    given = pulled(guide=[curve], **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    same = pulled(guide=[{**curve, "reach": 0.3}], **{"major.spacing": 0.6, "minor.spacing": 0.3})
     assert np.array_equal(given.even.phases[0].value, same.even.phases[0].value)
-    alone = plate(guide=[curve], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.3})
-    wide = plate(guide=[{**curve, "reach": 0.6}], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.9})
+    alone = pulled(guide=[curve], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    wide = pulled(guide=[{**curve, "reach": 0.6}], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.9})
     assert np.array_equal(alone.even.phases[0].value, wide.even.phases[0].value)  # of those that are drawn
 
 
 def test_where_a_curve_bends_no_side_is_preferred():
     """Points whose nearest is the corner of a right angle see both pieces, which cancel: what is left is the stress."""
-    frames = Frames.for_surface(plate().surface)
+    frames = Frames.for_surface(pulled().surface)
     bent = Guide(curve=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)), reach=1.0)
     (found,) = Guidance.from_guides(frames, (bent,), 1.0)
     V = frames.surface.V
@@ -160,34 +159,34 @@ def test_where_a_curve_bends_no_side_is_preferred():
 
 @pytest.mark.parametrize("angle", [45, -30, 20, 135])
 def test_both_families_are_turned(angle):
-    given = plate(rotate=angle)
+    given = pulled(rotate=angle)
     assert off(degrees(given)[0], angle) < 0.5
     assert off(degrees(given, 1)[0], angle + 90) < 0.5
 
 
 def test_a_quarter_turn_lets_the_families_change_places():
     spacings = {"major.spacing": 0.5, "minor.spacing": 0.3}
-    plain = plate(**spacings)
-    turned = plate(rotate=90, **{"major.spacing": 0.3, "minor.spacing": 0.5})
+    plain = pulled(**spacings)
+    turned = pulled(rotate=90, **{"major.spacing": 0.3, "minor.spacing": 0.5})
     for k in (0, 1):
         z, other = (np.cos(2 * np.pi * one.even.phases[j].value) for one, j in ((plain, k), (turned, 1 - k)))
         assert np.abs(z - other).max() < 1e-6
 
 
 def test_the_sense_of_turning_is_that_of_the_normals():
-    given = plate(rotate=30)
-    flipped = replace(plate(), surface=Surface(given.surface.V, given.surface.F[:, ::-1]))
+    given = pulled(rotate=30)
+    flipped = replace(pulled(), surface=Surface(given.surface.V, given.surface.F[:, ::-1]))
     flipped.__dict__["statics"] = given.statics
     flipped.more["pattern.rotate"] = 30
     assert off(degrees(flipped)[0], -30) < 0.5
 
 
 def test_a_guide_is_not_turned():
-    assert off(degrees(plate(rotate=45, guide=[EVERYWHERE]))[0], 30) < 0.5
+    assert off(degrees(pulled(rotate=45, guide=[EVERYWHERE]))[0], 30) < 0.5
 
 
 def test_a_guide_without_weight_is_none():
-    plain, none = plate(), plate(guide=[{**EVERYWHERE, "weight": 0}])
+    plain, none = pulled(), pulled(guide=[{**EVERYWHERE, "weight": 0}])
     for k in (0, 1):
         for part in ("value", "sign", "shift", "singular"):
             assert getattr(plain.even.phases[k], part).tobytes() == getattr(none.even.phases[k], part).tobytes()
@@ -388,7 +387,7 @@ def pattern_of(given: Case) -> PatternResult:
 @pytest.mark.parametrize("families", ["both", "major", "minor"])
 def test_stripes_of_one_family_are_half_the_material(families):
     """Threshold 1/2: a quarter of each spacing is material, 1 - (3/4)^2 of the area where two families cross."""
-    given = plate(families=families)
+    given = pulled(families=families)
     assert share(given) == pytest.approx(7 / 16 if families == "both" else 1 / 4, rel=0.02)
     made = pattern_of(given)
     assert set(made.names) == ({"major", "minor"} if families == "both" else {families})
@@ -401,8 +400,8 @@ def test_stripes_of_one_family_are_half_the_material(families):
 def test_a_family_that_is_not_drawn_is_not_asked_for_anything():
     wrong = {"minor.spacing": 1e-3}
     with pytest.raises(PatternError, match="too fine"):
-        _ = plate(**wrong).even
-    even = plate(families="major", **wrong).even
+        _ = pulled(**wrong).even
+    even = pulled(families="major", **wrong).even
     assert even.phases[1].singular.all()
     assert not even.chart.scale[:, 1].any()
 

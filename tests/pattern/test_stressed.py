@@ -11,7 +11,7 @@ from dsfab.design.mode_search import StressedTrial
 from dsfab.design.stripe_pattern import _layers_with_share
 from dsfab.pattern import evened_grading
 from dsfab.study.comparison import comparison
-from tests.zoo import grid
+from tests.shapes import grid
 
 SMALL = {"surface.edge": 0.06, "pattern.keep": 0.06, "pattern.rim": 0.02, "pattern.major.frequency": 5.0}
 SMALL |= {"pattern.minor.frequency": 5.0, "pattern.width.min_width": 0.0, "pattern.width.min_gap": 0.0}

@@ -32,7 +32,7 @@ from dsfab.preset.model import Width
 from dsfab.slicing import cut
 from tests.designs import sliced
 from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
-from tests.zoo import ZOO, grid, jittered, zoo
+from tests.shapes import ZOO, grid, jittered, zoo
 
 COARSE = {
     "dome": {"surface.edge": 0.5, "pattern.width": {}},

@@ -35,7 +35,7 @@ from tests.canopy import canopy
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.zoo import grid
+from tests.shapes import grid
 
 WAYS = ("x", "y", "z", "-x", "-y", "-z")
 BACK = {"z": "z", "y": "-y", "-y": "y"}

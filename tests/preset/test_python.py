@@ -20,7 +20,7 @@ from dsfab.design.output.archive import MESH, read_archive
 from dsfab.preset.file import preset_from, preset_toml, with_overrides
 from dsfab.preset.surface_section import FileSurface, MeshSurface
 from dsfab.surface import SHAPES, Surface
-from tests.zoo import ZOO
+from tests.shapes import ZOO
 
 HYPAR = SHAPES["hypar"](side=6.0, rise=2.0, edge=0.5)
 GIVEN: dict[str, Any] = {

@@ -6,7 +6,7 @@ import pytest
 from dsfab.pattern import Stripes
 from dsfab.reproduction import upsampling
 from dsfab.reproduction.upsampling import StripedField, compare_cuts, lines_through
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 def striped(surface, *families):

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dsfab.slicing.measures.pattern_quality import arms
 from dsfab.surface import Surface
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 
 def shape(where) -> Surface:

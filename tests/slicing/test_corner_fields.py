@@ -17,7 +17,7 @@ from dsfab.surface import Surface, read_surface
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.meshes import mesh_file
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 LEVELS = np.arange(-80.0, 81.0)
 

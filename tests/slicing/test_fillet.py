@@ -16,8 +16,8 @@ from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.presets import BARREL_VAULT_MODES
+from tests.shapes import ZOO, grid, jittered, sphere
 from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import ZOO, grid, jittered, sphere
 
 STRAY = 1 / 20
 """Share of the radius that a rounded corner may be off its arc."""
@@ -88,7 +88,7 @@ def test_a_radius_without_room_becomes_smaller():
     check_added(plate, sheet, done)
 
 
-def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, centre: float = 0.5) -> Sheet:
+def wedge_sheet(plate: Surface, half_angle: float, tip: float, length: float = 0.6, centre: float = 0.5) -> Sheet:
     """A unit plate with a wedge along y = `centre` as its opening, `tip` metres wide where it is narrowest."""
     x, y = plate.V[:, :2].T
     wide = np.abs(y - centre) - tip / 2 - (x - 0.2) * np.tan(half_angle)
@@ -101,7 +101,7 @@ def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, ce
 def test_a_blunt_tip_is_rounded_by_one_disc_beyond_its_corners(degrees, tip):
     """Its corners share a wall that has no room for two arcs; the disc stops where the wedge is as wide as it is."""
     half, radius, plate = np.radians(degrees), 0.05, grid(40, 40, 1.0, 1.0)
-    sheet = wedge(plate, half, tip)
+    sheet = wedge_sheet(plate, half, tip)
     done, found = rounded_corners(sheet, radius)
     assert found == pytest.approx(np.full(3, radius))
     turn = np.pi - 2 * half  # of the arc; chords of it are within the disc
@@ -157,7 +157,7 @@ def plate_edge(surface: Surface) -> np.ndarray:
 
 
 def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
-    sheet = wedge(grid(40, 40, 1.0, 1.0), np.radians(9), 0.012)
+    sheet = wedge_sheet(grid(40, 40, 1.0, 1.0), np.radians(9), 0.012)
     done, _ = rounded_corners(sheet, 0.05)
     gap = features(done, done.material, [""] * 4).gap
     assert gap.size > 2 * 0.05 * np.cos(CHORD / 2)
@@ -168,7 +168,7 @@ def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
 @given(angle=st.floats(2, 40), tip=st.floats(1e-3, 0.15), radius=st.floats(5e-3, 0.2), seed=st.integers(0, 1000))
 def test_laws_on_random_wedges(angle, tip, radius, seed):
     plate = jittered(grid(23, 23, 1.0, 1.0), seed=seed)
-    sheet = resolve_pinches(wedge(plate, np.radians(angle), tip, 0.4), 1e-3).sheet
+    sheet = resolve_pinches(wedge_sheet(plate, np.radians(angle), tip, 0.4), 1e-3).sheet
     check_added(plate, sheet, rounded_corners(sheet, radius)[0])
 
 

@@ -14,8 +14,8 @@ from dsfab.slicing.measures.lines import outline_labels
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
+from tests.shapes import ZOO, grid, jittered, sphere
 from tests.slicing.test_slicing import cases, check_laws
-from tests.zoo import ZOO, grid, jittered, sphere
 
 SHARES = [0.0, 0.02, 0.1]
 

@@ -10,10 +10,10 @@ from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import chains, hat_gradients, level_lines, polyline_length, simplified_line
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 
-def tube(around: int, along: int, radius: float = 1.0, height: float = 2.0) -> Surface:
+def staggered_tube(around: int, along: int, radius: float = 1.0, height: float = 2.0) -> Surface:
     """An upright cylinder, open at both ends; its normals point outwards."""
     i, j = np.meshgrid(np.arange(around), np.arange(along + 1), indexing="ij")
     angle = 2 * np.pi * (i + 0.5 * (j % 2)).ravel() / around
@@ -60,7 +60,7 @@ def test_rings_on_a_cylinder_are_circles():
     """Each ring is closed, and a polygon of 2 n chords in a regular n-gon's sides: 2 pi r to second order."""
     error = []
     for n in (24, 48, 96):
-        _, edges, centre = striped(tube(n, 11), tube(n, 11).V[:, 2].copy(), Stripes(2.0, phase=0.3))
+        _, edges, centre = striped(staggered_tube(n, 11), staggered_tube(n, 11).V[:, 2].copy(), Stripes(2.0, phase=0.3))
         assert {line.is_closed for line in [*edges, *centre]} == {True}
         assert len(centre) == 4
         error.append(max(abs(line.length / (2 * np.pi) - 1) for line in centre))

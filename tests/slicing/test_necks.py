@@ -12,9 +12,9 @@ from dsfab.slicing.finishing.openings import Openings
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
+from tests.shapes import grid, jittered
 from tests.slicing.test_fillet import openings, striped_ball
 from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import grid, jittered
 
 WIDTH = 0.05
 

@@ -13,7 +13,7 @@ from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 
 def material_area(sheet: Sheet) -> float:

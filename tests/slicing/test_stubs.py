@@ -17,7 +17,7 @@ from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.zoo import grid
+from tests.shapes import grid
 
 LONG, HIGH, FRAME, HALF, STEP = 5.0, 3.0, 0.1, 0.15, 0.25
 PLATE = grid(20, 5, LONG, HIGH)

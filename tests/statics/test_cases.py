@@ -25,7 +25,7 @@ from dsfab.statics import (
 from dsfab.study.comparison import comparison
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, combined_case, load_cases
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 STEEL = Material(210e9, 0.3, 7850.0)
 H = 0.02

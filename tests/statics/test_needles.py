@@ -6,7 +6,7 @@ import pytest
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Material, SheetModel, elements_of, solve_cases, solve_for
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import lifted
+from tests.shapes import lifted
 
 
 def bent_sheet(gap: float) -> SheetModel:

@@ -23,8 +23,8 @@ from dsfab.statics import (
 )
 from dsfab.statics.elements import assemble_blocks, edge_frames
 from dsfab.statics.factorisation import refined_solution, stiffness_factor
+from tests.shapes import ZOO, zoo
 from tests.statics.test_statics import STEEL
-from tests.zoo import ZOO, zoo
 
 PAIRS = ["constant+hinge", "quadratic+midedge", "quadratic+hhj"]
 

@@ -20,7 +20,7 @@ from dsfab.statics import (
 from dsfab.statics.assembly import angle_gradients, hinges
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import ZOO, grid, jittered, zoo
+from tests.shapes import ZOO, grid, jittered, zoo
 
 STEEL = Material(young=210e9, poisson=0.3, density=7850)
 H = 0.01

@@ -32,9 +32,9 @@ from dsfab.statics.elements import edge_frames
 from dsfab.statics.stress import vertex_averages
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import tangents
-from tests.statics.test_elements import PAIRS, SHEETS, flipped, moebius, pairs, sheets
+from tests.shapes import grid, jittered, lifted, moebius, sphere, tube, with_mixed_corners
+from tests.statics.test_elements import PAIRS, SHEETS, pairs, sheets
 from tests.statics.test_modes import hold, order, rim
-from tests.zoo import grid, jittered, lifted, sphere
 
 BEST = elements_of("displacement")
 
@@ -64,7 +64,7 @@ def at_vertex(surface: Surface, values, point):
     return values[vertex == surface.F].mean(axis=0)
 
 
-def plate(cells, elements, clamped=False):
+def plate_moments(cells, elements, clamped=False):
     """Bending moments per length over q a^2 of a square plate under its own weight, (m, 3 corners, 3, 3)."""
     s = jittered(grid(cells, cells, 1.0, 1.0))
     fixed = hold(s, (np.ones(s.n, dtype=bool), "xy"), (rim(s), "z"))
@@ -78,7 +78,7 @@ def test_moments_in_the_middle_of_a_supported_plate(elements, bound, rate):
     [Timoshenko and Woinowsky-Krieger 1959, table 8]."""
     errors = []
     for cells in (8, 16, 32):
-        s, found, moment = plate(cells, elements)
+        s, found, moment = plate_moments(cells, elements)
         middle = at_vertex(s, moment, (0.5, 0.5, 0.0))
         errors.append(np.abs(np.diag(middle)[:2] / 0.04789 - 1).max())
     assert order(errors) > rate
@@ -89,12 +89,12 @@ def test_moments_in_the_middle_of_a_supported_plate(elements, bound, rate):
 def test_moments_of_a_clamped_plate_at_its_edge_and_in_its_middle():
     """-0.0513 and 0.0231 q a^2 [Timoshenko and Woinowsky-Krieger 1959, table 35]; linear moments reach the edge, while
     constant ones lag behind by half a face."""
-    s, found, moment = plate(16, BEST, clamped=True)
+    s, found, moment = plate_moments(16, BEST, clamped=True)
     edge = np.sqrt(1 - 0.3 + 0.09) * 0.0513 * 6 / H**2 * 1e3  # nu times the moment along the edge
     assert found.peak.stress == pytest.approx(edge, rel=0.03)
     assert at_vertex(s, moment, (0.5, 0.0, 0.0))[1, 1] == pytest.approx(-0.0513, rel=0.02)
     assert at_vertex(s, moment, (0.5, 0.5, 0.0))[0, 0] == pytest.approx(0.0231, rel=0.01)
-    s, _, moment = plate(16, MIDEDGE, clamped=True)
+    s, _, moment = plate_moments(16, MIDEDGE, clamped=True)
     assert -0.045 < at_vertex(s, moment, (0.5, 0.0, 0.0))[1, 1] < -0.03
 
 
@@ -201,11 +201,7 @@ def test_averages_keep_what_is_linear_and_stop_at_folds():
 
 @pytest.mark.parametrize(("elements", "spread"), [(MIDEDGE, 2e-3), (BEST, 0.05)], ids=str)
 def test_a_pressurised_tube_has_p_r_over_h_around_it(elements, spread):
-    around = grid(96, 3, 2 * np.pi, 0.2)
-    turn = around.V[:, 0]
-    V = np.stack([np.cos(turn), np.sin(turn), around.V[:, 1]], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    s = Surface(V[first], of.reshape(-1)[around.F])
+    s = tube(96, 3, 1.0, 0.2)
     fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
     out = s.centroids * (1, 1, 0)
     _, found = solved(s, fixed, elements, 1e4 * out / np.linalg.norm(out, axis=1, keepdims=True))
@@ -278,7 +274,7 @@ def test_moments_are_those_of_the_operators_that_the_stiffness_is_made_of():
 @pairs
 def test_turning_faces_over_swaps_their_top_and_bottom_and_nothing_else(elements):
     s = SHEETS["dome"]()
-    other = flipped(s)
+    other = with_mixed_corners(s)
     fixed = hold(s, (rim(s), "xyz"))
     force = np.random.default_rng(2).standard_normal((s.n, 3))
     load = LoadCase(fixed, force, np.zeros(s.n, dtype=bool))
@@ -300,7 +296,7 @@ def test_turning_faces_over_swaps_their_top_and_bottom_and_nothing_else(elements
 @pytest.mark.parametrize("elements", PAIRS, ids=str)
 def test_stress_turns_with_a_moebius_strip(elements):
     """It has no two sides, but every face has: top and bottom, energies and the largest stress go along."""
-    s = moebius()
+    s = moebius(24, 3, 0.6)
     R = Rotation.from_rotvec([0.3, -1.1, 0.7]).as_matrix()
     other = Surface(s.V @ R.T, s.F)
     force = np.random.default_rng(4).standard_normal((s.n, 3))

@@ -22,7 +22,7 @@ from dsfab.study.comparison import comparison
 from dsfab.study.judges import quick
 from dsfab.surface import LoadCase
 from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
-from tests.zoo import grid
+from tests.shapes import grid
 
 CHANGES = {"surface.edge": 0.05}
 

@@ -13,7 +13,7 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.wall_thickness import thinnest_wall
-from tests.zoo import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, sphere
 
 
 def measured(surface: Surface, fields, levels, names=("major", "minor"), snap=0.0) -> Features:
@@ -21,7 +21,7 @@ def measured(surface: Surface, fields, levels, names=("major", "minor"), snap=0.
     return features(sheet, sheet.material, names)
 
 
-def plate(cells: int = 16) -> Surface:
+def jittered_plate(cells: int = 16) -> Surface:
     return jittered(grid(2 * cells, cells, 2.0, 1.0))
 
 
@@ -30,7 +30,7 @@ def plate(cells: int = 16) -> Surface:
 
 def test_parallel_stripes_have_their_widths_and_gaps():
     lines = np.array([0.2, 0.3, 0.37, 0.52, 0.9, 1.3])
-    found = measured(plate(), [plate().V[:, 0]], [lines])
+    found = measured(jittered_plate(), [jittered_plate().V[:, 0]], [lines])
     assert found.member.size == pytest.approx(0.1, rel=1e-12)
     assert found.gap.size == pytest.approx(0.07, rel=1e-12)
     assert 0.2 - 1e-12 <= found.member.place[0] <= 0.3 + 1e-12
@@ -41,17 +41,17 @@ def test_parallel_stripes_have_their_widths_and_gaps():
 @pytest.mark.parametrize("angle", [25, 40, 65])
 def test_oblique_stripes_too(angle):
     turn = np.radians(angle)
-    x = plate().V @ [np.cos(turn), np.sin(turn), 0]
+    x = jittered_plate().V @ [np.cos(turn), np.sin(turn), 0]
     low, high = x.min(), x.max()
     middles = np.arange(low + 0.2, high - 0.1, 0.25)  # no piece of a stripe alone in a corner
     levels = np.sort(np.concatenate([middles - 0.04, middles + 0.04]))
-    found = measured(plate(), [x], [levels])
+    found = measured(jittered_plate(), [x], [levels])
     assert found.member.size == pytest.approx(0.08, rel=1e-9)
     assert found.gap.size == pytest.approx(0.17, rel=1e-9)
 
 
 def test_the_narrower_of_two_crossing_families_is_found():
-    surface = plate()
+    surface = jittered_plate()
     found = measured(surface, [surface.V[:, 0], surface.V[:, 1]], [[0.3, 0.5, 1.2, 1.4], [0.2, 0.26, 0.6, 0.75]])
     assert found.member.size == pytest.approx(0.06, rel=1e-12)
     assert found.member.what == "a minor stripe"
@@ -247,13 +247,13 @@ def test_cells_of_dropped_pieces_are_not_kept():
 
 
 def test_the_wall_of_a_plate_is_its_thickness():
-    surface = plate()
+    surface = jittered_plate()
     solid = thicken(surface, offsets(surface, 0.03).D)
     assert thinnest_wall(solid).thickness == pytest.approx(0.03, rel=1e-9)
 
 
 def test_the_wall_is_thinnest_where_the_sheet_was_thinned():
-    surface = plate()
+    surface = jittered_plate()
     D = np.array(offsets(surface, 0.03).D)
     at = int(np.linalg.norm(surface.V - [1.0, 0.5, 0], axis=1).argmin())
     D[at] *= 0.5

@@ -44,7 +44,7 @@ from dsfab.surface import (
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, lifted, moebius, sphere, two_pieces
+from tests.shapes import ZOO, grid, lifted, moebius, sphere, two_pieces
 
 WEIGHT = 400.0
 """N/m2 of the sheet."""

@@ -22,7 +22,7 @@ from dsfab.study.verdict.estimates import LEAST_BOUND, mode_estimate
 from dsfab.study.verdict.modes import MODE_ELEMENTS, mode_level
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification import TESTS
-from tests.zoo import grid
+from tests.shapes import grid
 
 BOTH = ResultRequest(frequencies=1, buckling=1)
 

@@ -32,8 +32,8 @@ from dsfab.study.nonlinear import (
 from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
 from tests.designs import sliced
+from tests.shapes import grid
 from tests.statics.test_modes import hold
-from tests.zoo import grid
 
 
 def up(surface: Surface) -> np.ndarray:

@@ -15,8 +15,8 @@ from dsfab.core.errors import DsfabError
 from dsfab.study.sweeps.folder import SweepFolder, only_coordinator, prepare, sweep_folder
 from dsfab.study.sweeps.workers import DaskWorkers, execute
 from tests.presets import ROOF_MODES
+from tests.shapes import ZOO
 from tests.study.test_sweep_folder import measured, plan, swept
-from tests.zoo import ZOO
 
 distributed = pytest.importorskip("distributed", reason="Dask (dsfab[cluster]) is not installed")
 

@@ -27,12 +27,12 @@ from dsfab.study.verdict.estimates import QUICK_ERRORS, estimate, limit_at_own_r
 from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, finer, level, meshes, on_mesh, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
-from tests.zoo import grid, jittered, lifted, moebius, sphere
+from tests.shapes import grid, jittered, lifted, moebius, sphere
 
 STEEL = Material(210e9, 0.3, 7850.0)
 
 
-def plate(cells=10, pressure=1e3, thickness=0.01):
+def pressed_plate(cells=10, pressure=1e3, thickness=0.01):
     """A square plate of 1 m on simple supports under pressure."""
     surface = jittered(grid(cells, cells, 1.0, 1.0))
     edge = np.zeros(surface.n, dtype=bool)
@@ -63,7 +63,7 @@ def cantilever():
 
 
 def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
-    setting = plate()
+    setting = pressed_plate()
     verdict = check(setting, whole_sheet(setting.surface))
     known = navier(1e3, 0.01)
     assert verdict.status == "pass"
@@ -206,7 +206,7 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
 
 
 def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
-    setting = plate(6)
+    setting = pressed_plate(6)
     load = setting.loads["load"]
     both = replace(setting, loads={"light": load, "heavy": load.with_forces(2 * load.force)})
     verdict = check(both, whole_sheet(setting.surface))
@@ -216,7 +216,7 @@ def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
 
 
 def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_with_them():
-    setting = plate(10)
+    setting = pressed_plate(10)
     surface = setting.surface
     x = surface.V[:, 0]
     # strips across the plate; the boundary holds all, so hold one side only
@@ -239,7 +239,7 @@ def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_wi
 
 
 def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
-    setting = plate(10)
+    setting = pressed_plate(10)
     surface, load = setting.surface, setting.loads["load"]
     x = surface.V[:, 0]
     one_side = replace(load, fixed=np.repeat((x < 0.01)[:, None], 3, axis=1))
@@ -267,7 +267,7 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
 
 
 def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_budget(monkeypatch):
-    setting = plate()
+    setting = pressed_plate()
     sheet = whole_sheet(setting.surface)
     next_mesh = MAIN_ELEMENTS.unknowns(finer(sheet, SmoothSurface.from_surface(setting.surface)).surface)
     for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
@@ -280,9 +280,9 @@ import sys
 from pathlib import Path
 from dsfab.core.sparse import solver_name
 from dsfab.study.verdict.levels import MAIN, level, memory_needed
-from tests.study.test_verdict import on_mesh, plate, shares, whole_sheet
+from tests.study.test_verdict import on_mesh, pressed_plate, shares, whole_sheet
 
-setting = plate(int(sys.argv[1]))
+setting = pressed_plate(int(sys.argv[1]))
 sheet = whole_sheet(setting.surface)
 given = on_mesh(setting.surface, sheet, setting.loads, shares(sheet, setting.loads))
 def held():  # what `resource` tells begins with what the process held that started this one

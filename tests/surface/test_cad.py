@@ -15,7 +15,7 @@ from dsfab.surface.files import drawings, separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes
-from tests.zoo import grid
+from tests.shapes import grid
 
 build123d = pytest.importorskip("build123d")
 rhino3dm = pytest.importorskip("rhino3dm")
@@ -53,7 +53,7 @@ def on_layer(model, name):
     return attributes
 
 
-def roof(size=1.0):
+def quad_roof(size=1.0):
     """4 x 3 m in 48 quads, a parabola .8 m high."""
     x, y = np.meshgrid(np.linspace(0, 4, 9), np.linspace(0, 3, 7), indexing="ij")
     V = size * np.stack([x, y, 0.8 * (1 - (x / 2 - 1) ** 2)], axis=-1).reshape(-1, 3)
@@ -76,7 +76,7 @@ def rhino_file(path, *meshes, unit=None):
 
 def test_meshes_of_rhino_in_its_unit(tmp_path, within):
     """Quads cut in two; two meshes that share an edge are one sheet; triangles and quads beside each other."""
-    V, faces = roof(1000.0)
+    V, faces = quad_roof(1000.0)
     left, right = faces[:24], faces[24:]
     path = rhino_file(
         tmp_path / "roof.3dm", rhino_mesh(V, left), rhino_mesh(V, right), unit=rhino3dm.UnitSystem.Millimeters
@@ -90,7 +90,7 @@ def test_meshes_of_rhino_in_its_unit(tmp_path, within):
 
 
 def test_meshes_in_blocks_stand_where_they_are_inserted(tmp_path, within):
-    V, faces = roof()
+    V, faces = quad_roof()
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
     model.InstanceDefinitions.Add(
@@ -112,7 +112,7 @@ def test_surfaces_of_rhino_without_a_mesh_are_told(tmp_path, within):
     alone = saved(model, tmp_path / "alone.3dm")
     with pytest.raises(SurfaceError, match=r"alone.3dm: it holds 1 surface without a mesh; in Rhino make one \(Mesh\)"):
         read_surface(alone)
-    model.Objects.AddMesh(rhino_mesh(*roof()))
+    model.Objects.AddMesh(rhino_mesh(*quad_roof()))
     assert "1 surface saved without its mesh" in raw_mesh(saved(model, tmp_path / "both.3dm")).record.dropped
     empty = saved(rhino3dm.File3dm(), tmp_path / "empty.3dm")
     with pytest.raises(SurfaceError, match=r"empty.3dm: it holds no mesh; in Rhino make one"):
@@ -141,7 +141,7 @@ def test_meshes_of_dxf(tmp_path):
     import ezdxf
     from ezdxf.render import MeshBuilder
 
-    V, faces = roof(1000.0)
+    V, faces = quad_roof(1000.0)
     builder = MeshBuilder()
     builder.add_mesh(vertices=V.tolist(), faces=faces)
     for kind in ("mesh", "polyface", "3dfaces", "block"):
@@ -240,7 +240,7 @@ def test_what_holds_no_surface_is_told_in_a_sentence(tmp_path, what, within):
 @APART
 def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
     """The same files by the program; one that breaks it, and one that takes too long."""
-    V, faces = roof()
+    V, faces = quad_roof()
     rhino = rhino_file(tmp_path / "roof.3dm", rhino_mesh(V, faces))
     step = tmp_path / "plane.step"
     build123d.export_step(build123d.Face.make_rect(4000, 3000), step)
@@ -259,7 +259,7 @@ def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
 
 def site(path, marks, unit=None):
     """A roof in Rhino with points and curves on layers: (layer, rows), a curve where there is more than one row."""
-    V, faces = roof()
+    V, faces = quad_roof()
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = unit or rhino3dm.UnitSystem.Meters
     model.Objects.AddMesh(rhino_mesh(V, faces))
@@ -321,7 +321,7 @@ def test_dxf_has_layers_too(tmp_path, away):
     from ezdxf.render import MeshBuilder
 
     document = ezdxf.new(units=6)
-    V, faces = roof()
+    V, faces = quad_roof()
     builder = MeshBuilder()
     builder.add_mesh(vertices=(V + [away, 0, 0]).tolist(), faces=faces)
     builder.render_mesh(document.modelspace())

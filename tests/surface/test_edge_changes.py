@@ -23,7 +23,7 @@ TETRAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 OCTAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [5, 2, 1], [5, 3, 2], [5, 4, 3], [5, 1, 4]])
 
 
-def tube(levels):
+def tube_of_triangles(levels):
     """A tube of triangular rings, open at both ends."""
     below = [(3 * z + k, 3 * z + (k + 1) % 3) for z in range(levels - 1) for k in range(3)]
     return np.array([f for a, b in below for f in ((a, b, b + 3), (a, b + 3, a + 3))])
@@ -50,7 +50,7 @@ def test_a_diagonal_that_is_an_edge_already_is_not_new(F, new):
 
 
 def test_the_link_condition_refuses_what_would_pinch_a_tube():
-    F = tube(4)
+    F = tube_of_triangles(4)
     edges = edge_table(F)
     fine = meets_link_condition(edges, np.arange(len(edges.ends)), F.max() + 1)
     ring = edges.ends[:, 0] // 3 == edges.ends[:, 1] // 3

@@ -9,7 +9,7 @@ from scipy.spatial import Delaunay
 
 from dsfab.surface import Surface
 from dsfab.surface.geodesic import Origins, geodesic_distances
-from tests.zoo import ZOO, grid, jittered, zoo
+from tests.shapes import ZOO, jittered, l_shape, zoo
 
 
 def origins(surface: Surface, vertices=(), edges=None) -> Origins:
@@ -78,10 +78,7 @@ def test_edges_send_out_strips_and_their_ends_fans():
 
 def test_paths_bend_around_a_corner_of_the_boundary():
     """An L: from the end of one arm to the other, over the inner corner."""
-    plate = grid(10, 10, 2.0, 2.0)
-    kept = plate.F[(plate.centroids[:, :2] < 1).any(axis=1)]
-    used, F = np.unique(kept, return_inverse=True)
-    surface = jittered(Surface(plate.V[used], F.reshape(-1, 3)), 0.3, 4)
+    surface = jittered(l_shape(10), 0.3, 4)
     corner, start = np.array([1.0, 1.0, 0.0]), int(np.argmin(((surface.V - [2, 0.0, 0]) ** 2).sum(axis=1)))
     found = geodesic_distances(surface, origins(surface, [start]))
     P, Q = surface.V, surface.V[start]

@@ -28,7 +28,7 @@ from dsfab.surface.topology import (
     pinches,
 )
 from tests.own_meshes import figure, gyroid, voronoi_shell
-from tests.zoo import grid
+from tests.shapes import grid
 
 ROOF = dome(edge=0.9)
 PLATE = plate(edge=0.3)
@@ -338,7 +338,7 @@ def test_a_preset_of_shares_holds_for_another_mesh(tmp_path):
         assert preset.surface.load[0].at.vertices(surface).any()
 
 
-def slab(surface, thick):
+def thick_shell(surface, thick):
     """The closed solid of a surface (n vertices) and of it `thick` metres beneath, along the vertices' normals."""
     normals = np.zeros((surface.n, 3))
     for corner in surface.F.T:
@@ -368,7 +368,7 @@ def test_a_sheet_that_is_in_a_file_twice_is_told():
     assert "for the sheet is there twice, dropped" in mesh.repairs[-1]
 
 
-def folded():
+def folds():
     """A roof of 8 m x 6 m with four folds of 84 degrees."""
     flat = grid(24, 12, 8.0, 6.0)
     at = (flat.V[:, 0] - flat.V[:, 0].min()) / 8 * 2
@@ -382,11 +382,11 @@ def test_of_many_copies_the_first_stays():
     assert len(mesh.repairs) == 2
 
 
-@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folded()], ids=["dome", "plate", "hypar", "folded"])
+@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folds()], ids=["dome", "plate", "hypar", "folded"])
 def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     """Its two faces and its sides were taken for a closed figure, which stood on its lowest parts."""
     thick = 0.03 * np.sqrt(surface.area)
-    V, F = slab(surface, thick)
+    V, F = thick_shell(surface, thick)
     mesh = mended_mesh(V, F)
     middle = Surface(mesh.V, mesh.F)
     assert middle.m == surface.m
@@ -397,7 +397,7 @@ def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
 
 
-def barrel():
+def half_cylinder():
     """Half a cylinder of 4 m radius, 6 m long: its edges stand upright."""
     flat = grid(24, 12, np.pi, 6.0)
     at = flat.V[:, 0] - flat.V[:, 0].min()
@@ -409,11 +409,11 @@ HALF = dome(rise=4.9, span=10.0, edge=0.9)
 
 @pytest.mark.parametrize("way", [(0.0, 0.0, 0.2), (0.0, 0.15, -0.15)], ids=["up", "askew"])
 @pytest.mark.parametrize(
-    "surface", [barrel(), HYPAR, dome(rise=4.9, span=10.0, edge=0.9)], ids=["barrel", "hypar", "half"]
+    "surface", [half_cylinder(), HYPAR, dome(rise=4.9, span=10.0, edge=0.9)], ids=["barrel", "hypar", "half"]
 )
 def test_an_extruded_slab_becomes_the_sheet_in_its_middle(surface, way):
     """It is next to nothing thick where it stands upright: a half barrel was taken for a closed figure."""
-    _, F = slab(surface, 1.0)
+    _, F = thick_shell(surface, 1.0)
     mesh = mended_mesh(np.vstack([surface.V + way, surface.V]), F)
     assert area(mesh.V, mesh.F) == pytest.approx(surface.area, rel=0.01)
     off = nearest_places(mesh.V, surface.V + np.divide(way, 2), surface.F).distance
@@ -436,7 +436,7 @@ def two_roofs():
 
 @pytest.mark.parametrize(
     "mesh",
-    [cushion(), two_roofs(), slab(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
+    [cushion(), two_roofs(), thick_shell(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
     ids=["cushion", "two roofs", "box", "sphere"],
 )
 def test_what_is_no_copy_and_no_slab_stays(mesh):
@@ -448,7 +448,7 @@ def test_sheets_over_each_other_are_told_and_stay():
         "two sheets lie 294 mm apart, one over all of the other, and both are built"
     ]
     assert list(parallel_remarks(ROOF.V, ROOF.F)) == []
-    assert "surface.mend = true" in next(parallel_remarks(*slab(ROOF, 0.2)))
+    assert "surface.mend = true" in next(parallel_remarks(*thick_shell(ROOF, 0.2)))
 
 
 def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:

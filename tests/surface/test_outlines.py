@@ -20,7 +20,7 @@ from dsfab.surface.loads.outline_cuts import with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, self_crossing
 from dsfab.surface.loads.pickers import pierced_faces
 from tests.presets import DOME_MODES
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 L_SHAPE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
 PLATE = grid(20, 20, 1.0, 1.0)  # of 1 x 1

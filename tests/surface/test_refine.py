@@ -12,7 +12,7 @@ from dsfab.surface import SHAPES, Surface, refined_surface
 from dsfab.surface.orientation import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 
 def lengths(surface: Surface) -> np.ndarray:

@@ -24,7 +24,7 @@ from dsfab.statics import (
 )
 from dsfab.surface import All, Boundary, Box, Force, Line, LoadCase, Nearest, Side, Snow, Support, Surface, Vertices
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 E, H = 10e9, 0.02
 WOOD = Material(E, 0.0)

@@ -21,52 +21,13 @@ from dsfab.thickening.repair import _flip_diagonals
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.solid import check_solid
-from tests.zoo import ZOO, grid, lifted, sphere, zoo
+from tests.shapes import ZOO, annulus, folded, grid, lifted, sphere, stacked, tube, zoo
 
 MESHES = Path(os.environ.get("DSFAB_MESHES", Path(__file__).parents[3] / "shared" / "meshes"))
 
 
 def made(surface: Surface, thickness: float) -> Solid:
     return thicken(surface, offsets(surface, thickness).D)
-
-
-def wrapped(nu: int, nv: int, place: Callable) -> Surface:
-    """A grid of nu by nv cells in (0..1, 0..1) brought to `place(u, v)`, closed in u."""
-    i, j = np.meshgrid(np.arange(nu), np.arange(nv), indexing="ij")
-
-    def at(i, j):
-        return i % nu * (nv + 1) + j
-
-    a, b, c, d = (at(i + di, j + dj).ravel() for di, dj in ((0, 0), (1, 0), (1, 1), (0, 1)))
-    u, v = np.meshgrid(np.arange(nu) / nu, np.arange(nv + 1) / nv, indexing="ij")
-    return Surface(np.stack(place(u.ravel(), v.ravel()), axis=1), np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
-
-
-def annulus(cells: int = 24) -> Surface:
-    def place(u, v):
-        return (1 + v) * np.cos(-2 * np.pi * u), (1 + v) * np.sin(-2 * np.pi * u), 0 * u
-
-    return wrapped(cells, 4, place)
-
-
-def tube(cells: int, radius: float = 1.0, length: float = 2.0) -> Surface:
-    def place(u, v):
-        return radius * np.cos(2 * np.pi * u), radius * np.sin(2 * np.pi * u), length * v
-
-    return wrapped(cells, max(2, cells // 4), place)
-
-
-def folded(opening: float, cells: int = 8) -> Surface:
-    """Two squares that meet on the y axis under `opening` degrees."""
-    flat = grid(2 * cells, cells, 2.0, 1.0)
-    x, y = flat.V[:, 0] - 1, flat.V[:, 1]
-    c, s = np.cos(np.radians(opening)), np.sin(np.radians(opening))
-    return Surface(np.c_[np.where(x < 0, x, -x * c), y, np.where(x < 0, 0, x * s)], flat.F)
-
-
-def above(one: Surface, gap: float) -> Surface:
-    """A surface and its copy higher up."""
-    return Surface(np.concatenate([one.V, one.V + np.array([0, 0, gap])]), np.concatenate([one.F, one.F + one.n]))
 
 
 def kept(surface: Surface, faces: np.ndarray) -> np.ndarray:
@@ -115,7 +76,7 @@ def test_a_plate_has_its_area_times_its_thickness():
 
 
 def test_a_ring_has_one_handle():
-    ring = annulus()
+    ring = annulus(24, 4)
     solid = made(ring, 0.05)
     assert solid.volume == pytest.approx(ring.area * 0.05, rel=1e-7)  # vertices are rounded
     assert (solid.genus, solid.pieces) == (1, 1)
@@ -139,7 +100,7 @@ def test_a_spherical_shell_converges_to_its_volume():
 
 def test_a_tube_converges_to_its_volume():
     exact = np.pi * (1.1**2 - 0.9**2) * 2.0
-    solids = [made(tube(cells), 0.2) for cells in (16, 32, 64)]
+    solids = [made(tube(cells, max(2, cells // 4)), 0.2) for cells in (16, 32, 64)]
     check_second_order([s.volume / exact - 1 for s in solids], 5e-3)
     assert {s.genus for s in solids} == {1}
     check_sound(solids[-1])
@@ -161,8 +122,8 @@ def test_a_sphere_turned_inside_out_gives_the_same_shell():
 
 def test_genus_counts_the_boundary_loops_of_every_piece():
     """An orientable piece with boundary and Euler characteristic chi gives 1 - chi handles."""
-    ring = annulus()
-    sheet = Surface(*(lambda s: (s.V, s.F))(above(ring, 1.0)))
+    ring = annulus(24, 4)
+    sheet = Surface(*(lambda s: (s.V, s.F))(stacked(ring, 1.0)))
     punched = Surface(sheet.V, sheet.F[kept(sheet, np.arange(sheet.m) % 31 != 5)])
     count, _ = pieces(punched.F, punched.edges)
     solid = made(punched, 0.02)
@@ -195,7 +156,7 @@ def test_a_mitre_is_at_most_twice_as_long():
 
 @pytest.mark.parametrize(
     ("surface", "largest"),
-    [(tube(48, 0.1, 0.5), 0.8), (sphere(4, 0.1), 1 - np.sqrt(0.2))],
+    [(tube(48, 12, 0.1, 0.5), 0.8), (sphere(4, 0.1), 1 - np.sqrt(0.2))],
     ids=["tube: 1 - d/R", "sphere: (1 - d/R)^2"],
 )
 def test_offsets_end_before_the_centre_of_curvature(surface, largest):
@@ -272,7 +233,7 @@ SHAPES: dict[str, tuple[Callable[[], Surface], float]] = {
     "right angle": (lambda: folded(90), 0.02),
     "nearly closed": (lambda: folded(8), 0.01),
     "coarse saddle": (lambda: lifted(lambda x, y: 2 * (x - 0.5) * (y - 0.5), cells=3), 0.05),
-    "two spheres": (lambda: above(sphere(2), 3.0), 0.02),
+    "two spheres": (lambda: stacked(sphere(2), 3.0), 0.02),
     "ragged dome": (lambda: ragged(lifted(lambda x, y: 8 * x * (1 - x) * y * (1 - y), cells=20), 3), 0.01),
     "ragged sphere": (lambda: ragged(sphere(4), 5), 0.03),
 }
@@ -441,7 +402,7 @@ def test_a_face_folded_back_onto_its_neighbour_is_found():
 
 def test_sheets_closer_than_their_thickness_are_thinned_until_they_part():
     plate = grid(4, 4, 1.0, 1.0)
-    solid = made(above(plate, 0.07), 0.1)
+    solid = made(stacked(plate, 0.07), 0.1)
     check_sound(solid)
     assert 0.3 * 0.2 < solid.volume < 0.14  # as much as fits between their middles and outside, 0.5 * (0.07 + 0.1) each
     (note,) = solid.notes
@@ -452,7 +413,7 @@ def test_sheets_closer_than_their_thickness_are_thinned_until_they_part():
 
 
 def test_sheets_much_closer_than_their_thickness_become_films_and_that_is_told():
-    solid = made(above(grid(2, 2, 1.0, 1.0), 0.02), 0.1)
+    solid = made(stacked(grid(2, 2, 1.0, 1.0), 0.02), 0.1)
     check_sound(solid)
     assert (solid.repairs.rung, solid.repairs.pairs) == ("thinned", 0)
     assert 0.1 < solid.repairs.thinnest < 0.2  # half of each may fill half of 0.02
@@ -478,7 +439,7 @@ def test_a_wall_in_the_way_is_folded_the_other_way_and_nothing_is_thinned():
 
 def test_sheets_that_cannot_part_are_told_and_not_hidden():
     plate = grid(2, 2, 1.0, 1.0)
-    solid = made(above(plate, 1e-4), 0.1)
+    solid = made(stacked(plate, 1e-4), 0.1)
     left = intersecting_pairs(np.array(solid.V), np.array(solid.F))
     assert len(left) > 0
     assert any(
@@ -563,7 +524,7 @@ def test_wrong_offset_vectors_are_refused():
 
 
 def test_offset_vectors_to_the_back_of_a_piece_are_refused():
-    sheet = above(grid(3, 3, 1.0, 1.0), 1.0)
+    sheet = stacked(grid(3, 3, 1.0, 1.0), 1.0)
     D = np.array(offsets(sheet, 0.1).D)
     D[16:] *= -1
     with pytest.raises(SolidError, match=r"back of 1 of 2 pieces .* face 18"):

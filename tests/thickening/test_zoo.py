@@ -16,9 +16,8 @@ from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.meshes import mesh_file
-from tests.thickening.test_sides import torus_of
+from tests.shapes import ZOO, grid, jittered, lifted, moebius, projective_plane, sphere, torus
 from tests.thickening.test_thickening import cgal_pairs, made, real
-from tests.zoo import ZOO, grid, jittered, lifted, moebius, projective_plane, sphere
 
 
 def crumpled() -> Surface:
@@ -47,7 +46,7 @@ SHAPES: dict[str, Callable[[], Surface]] = {
     "moebius fine": lambda: moebius(120, 12, 0.8),
     "boy": lambda: projective_plane(4),
     "boy cut open": boy_cut_open,
-    "torus": lambda: torus_of(1.0, 0.3),
+    "torus": lambda: torus(48, 16, 1.0, 0.3),
     "tower": tower,
     "crumpled": crumpled,
     "creased box": creased_box,

@@ -17,7 +17,7 @@ from dsfab.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, hal
 from dsfab.verification.results import OUTSIDE, outside_series
 from dsfab.verification.vibrations import PLATE_HERTZ, STEEL
 from tests.calculix import needs_ccx
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 BUCKLING = elements_of("buckling")
 

@@ -33,7 +33,7 @@ def whole(xy):
     return np.zeros(len(xy), dtype=bool)
 
 
-def grid(xy):
+def square_windows(xy):
     """Squares of .25 m with ribs of .1 m between them."""
     return ((xy + 0.05) % 0.35 > 0.1).all(axis=1)
 
@@ -61,7 +61,7 @@ def polygons(parts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ribs", [whole, grid, leaning])
+@pytest.mark.parametrize("ribs", [whole, square_windows, leaning])
 @pytest.mark.parametrize("room", [[(1.7, 1.6)], [(1.3, 0.9)]])
 def test_pieces_with_fingers_are_the_sheet_without_gap_or_overlap(ribs, room):
     sheet, joint = ribbed(ribs), SheetJoint("fingers", 0.02)

@@ -13,7 +13,7 @@ from dsfab.members import Member, MemberAxis, MemberGraph, member_graph
 from dsfab.workshop import Development, Layering, PlankStock, is_strip, member_course, plank_plan, strip_parts
 from dsfab.workshop.files import part_drawing
 from tests.analytic import SURFACES, WIDTH
-from tests.zoo import grid
+from tests.shapes import grid
 
 LAYERING = Layering(thickness=0.018, count=2, bolt=0.012)
 STOCK = [(2.484, 1.234)]
