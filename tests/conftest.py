@@ -64,7 +64,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 @pytest.fixture(scope="module")
 def sharp_tab(server, tmp_path_factory):
     """One page for all tests of a file, of its own `server`, with sharp edges: each pixel is material or not."""
-    from tests.app.test_editor_page import READY, page_of
+    from tests.app.editor_page import READY, page_of
 
     with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
         tab.open(server.address + "&hard", READY)

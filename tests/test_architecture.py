@@ -11,7 +11,6 @@ The docstring of each `__init__` says what its room holds. A room stands on the 
 """
 
 import ast
-import gc
 import os
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,9 +26,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import dsfab
-
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGE = ROOT / "dsfab"
+from tests.source import PACKAGE, ROOT, modules, nodes
 
 GROUND = {"core"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
@@ -117,26 +113,6 @@ LAZY = {
     "xlsxwriter",
 }
 """Slow to import: never at the top of a module."""
-
-
-@cache
-def modules() -> list[tuple[str, str, ast.Module]]:
-    """Part, file and syntax tree of every module: 800 000 nodes, none of which is garbage nor is looked at as such."""
-    found = []
-    gc.disable()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        relative = path.relative_to(PACKAGE)
-        part = relative.parts[0].removesuffix(".py")
-        found.append((part, relative.as_posix(), ast.parse(path.read_text(encoding="utf-8"))))
-    gc.freeze()
-    gc.enable()
-    return found
-
-
-@cache
-def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
-    """All nodes of a module, walked once for all rules."""
-    return tuple(ast.walk(tree))
 
 
 def imports(among: Iterable[ast.AST]) -> Iterator[tuple[str, int]]:

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from tests.test_architecture import modules
+from tests.source import modules
 
 ARRAYS = re.compile(r"\b(Floats|Ints|Bools|NDArray|ArrayLike|csr_array)\b")
 LENGTH = r"(?:\.\.\.|\d+(?: \w+)?|(?:\d+ ?)?[A-Za-z]'{0,2})"

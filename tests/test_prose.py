@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_architecture import modules, nodes
+from tests.source import modules, nodes
 
 ROOT = Path(__file__).resolve().parent.parent
 

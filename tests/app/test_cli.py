@@ -20,26 +20,11 @@ from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
 from dsfab.preset.file import load_preset
 from dsfab.surface.files import mesh_files
+from tests.app.command_line import refused, run
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
 QUICK = ["--set", "surface.edge=0.9", "--format", "stl,ply", "--no-picture"]
-
-
-def run(capsys, *arguments: str) -> tuple[int, str, str]:
-    code = main(arguments)
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
-def refused(capsys, *arguments: str, code: int = 1) -> str:
-    """The one line of a refusal, after checking that it is one."""
-    got, out, err = run(capsys, *arguments)
-    assert got == code, err
-    last = err.strip().splitlines()[-1]
-    assert last.startswith("dsfab: ")
-    assert "Traceback" not in err + out
-    return last
 
 
 def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):

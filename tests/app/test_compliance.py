@@ -1,10 +1,8 @@
 """The report of `dsfab compare`: the same in HTML and in PDF, whole, offline, and true to results.json."""
 
-import base64
 import builtins
 import json
 import re
-import zlib
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
@@ -27,6 +25,7 @@ from dsfab.report.pdf_pages import document_pdf
 from dsfab.study import compare_at
 from dsfab.study.comparison import comparison
 from dsfab.study.judges import full, quick
+from tests.app.pdf_text import pdf_pages, pdf_words
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
@@ -90,29 +89,6 @@ class Reader(HTMLParser):
             self.headings[-1] += data
         if {"td", "th"} & set(self.open):
             self.rows[-1][-1] += data
-
-
-def pdf_words(data: bytes) -> str:
-    """The text of a PDF."""
-    return " ".join(pdf_pages(data))
-
-
-def pdf_pages(data: bytes) -> list[str]:
-    """The text of each page, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
-    pages = []
-    for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
-        try:
-            text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True))
-        except (ValueError, zlib.error):
-            continue
-        if found := re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text):
-            pages.append(_plain(b" ".join(found)))
-    return pages
-
-
-def _plain(plain: bytes) -> str:
-    plain = re.sub(rb"\\([0-7]{3})", lambda match: bytes([int(match[1], 8)]), plain)
-    return re.sub(r"\\(.)", r"\1", plain.decode("cp1252")).replace("\u00a0", " ")
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,6 @@ import threading
 import time
 import tomllib
 import urllib.request
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -42,28 +41,22 @@ from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, open_preset, opened_mesh, opened_shipped
 from dsfab.app.hops.server import HopsHandler
-from dsfab.app.options import Source
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.limits import CROWDING, SLIT
 from dsfab.design import Design, draft, run
 from dsfab.export import write
 from dsfab.pattern.layers import CLOSING_WIDTHS, FOLLOWING_WIDTHS
 from dsfab.pattern.widths import SOLID
-from dsfab.preset.file import load_preset, parse_override, preset_from
+from dsfab.preset.file import load_preset, preset_from
 from dsfab.surface import Surface
+from tests.app.editor_server import COARSE, COARSELY, served_changes, serving, unpacked, wait
 from tests.presets import DOME_MODES
 
-COARSE = {"surface.edge": 1.2}
-COARSELY = Source(("surface.edge=1.2",))
 
-
-def served_changes(page):
-    """The names and numbers that the command line makes of a command."""
-    import shlex
-
-    words = shlex.split(page)
-    sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
-    return words[2], dict(parse_override(text) for text in sets)
+@pytest.fixture(scope="module")
+def server():
+    with serving() as made:
+        yield made
 
 
 # --- opened
@@ -146,18 +139,6 @@ def test_every_number_of_the_pattern_has_a_control():
             where = where[part]
 
 
-def unpacked(content):
-    long = int.from_bytes(content[:4], "little")
-    facts = json.loads(content[4 : 4 + long])
-    arrays = {
-        name: np.frombuffer(content, told["type"], int(np.prod(told["shape"])), 4 + long + told["at"]).reshape(
-            told["shape"]
-        )
-        for name, told in facts["arrays"].items()
-    }
-    return facts, arrays
-
-
 def test_what_is_packed_comes_out_again():
     given = {"a": np.arange(5.0).reshape(5, 1), "b": np.array([True, False, True]), "c": np.arange(6).reshape(2, 3)}
     facts, arrays = unpacked(pack_message({"name": "ü"}, given))
@@ -226,14 +207,6 @@ def test_colour_scales_have_64_steps():
 
 
 # --- jobs
-
-
-def wait(jobs, number, states=("done", "failed", "cancelled")):
-    end = time.monotonic() + 60
-    while jobs.job(number).state not in states:
-        assert time.monotonic() < end
-        time.sleep(0.005)
-    return jobs.job(number)
 
 
 def test_a_job_tells_its_way_and_its_end():
@@ -495,20 +468,6 @@ def test_a_draft_comes_out_of_another_process_as_it_was(dome):
 # --- doors
 
 
-@contextmanager
-def serving(first=None, outputs=None):
-    with Session(first or OpenedPreset(load_preset(DOME_MODES, COARSE), ("dome",)), outputs=outputs) as session:
-        server = EditorServer(session)
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
-            server.server_close()
-
-
 @pytest.fixture
 def idle():
     """A server that listens and answers nobody yet."""
@@ -587,12 +546,6 @@ def test_temporary_folders_are_gone_at_the_end_and_after_a_kill_at_the_next_star
         other.send_signal(signal.SIGTERM)
         assert other.wait(timeout=60) == 0
     assert folders() == []
-
-
-@pytest.fixture(scope="module")
-def server():
-    with serving() as made:
-        yield made
 
 
 def ask(server, method, path, body=None, **headers):

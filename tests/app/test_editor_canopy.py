@@ -14,8 +14,8 @@ import trimesh
 from dsfab.app.editor.workspace import OpenedPreset, Outputs
 from dsfab.export import write
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, serving
-from tests.app.test_editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_server import COARSE, serving
 from tests.browser import browser
 from tests.canopy import canopy
 from tests.presets import DOME_MODES

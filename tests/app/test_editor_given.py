@@ -8,8 +8,8 @@ from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.materials import KEYS, MATERIALS
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Fabrication
-from tests.app.test_editor import COARSE, COARSELY, served_changes, serving
-from tests.app.test_editor_page import READY, page_of, solved, type_into, until
+from tests.app.editor_page import READY, page_of, solved, type_into, until
+from tests.app.editor_server import COARSE, COARSELY, served_changes, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

@@ -10,8 +10,8 @@ from dsfab.core.errors import StaticsError
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
 from dsfab.render import member_places
-from tests.app.test_editor import serving
-from tests.app.test_editor_page import place_of, solved, until
+from tests.app.editor_page import place_of, solved, until
+from tests.app.editor_server import serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

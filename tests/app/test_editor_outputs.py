@@ -15,8 +15,8 @@ from dsfab.app.export import TO_HELP, format_suffix, offered_formats
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import write
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, COARSELY, serving, wait
-from tests.app.test_editor_page import DROP, READY, page_of, type_into, until
+from tests.app.editor_page import DROP, READY, page_of, type_into, until
+from tests.app.editor_server import COARSE, COARSELY, serving, wait
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

@@ -8,8 +8,8 @@ import pytest
 from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.errors import PresetError
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, COARSELY, serving
-from tests.app.test_editor_page import SEEN, place_of, solved, until
+from tests.app.editor_page import SEEN, place_of, solved, until
+from tests.app.editor_server import COARSE, COARSELY, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

@@ -20,8 +20,8 @@ from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.design import draft
 from dsfab.preset.file import load_preset, with_overrides
-from tests.app.test_editor import COARSE, serving, unpacked, wait
-from tests.app.test_editor_page import READY, SEEN, seen_by_both, share_measured, solved, type_into, until
+from tests.app.editor_page import READY, SEEN, seen_by_both, share_measured, solved, type_into, until
+from tests.app.editor_server import COARSE, serving, unpacked, wait
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

@@ -8,8 +8,8 @@ from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import KeptVariant, OpenedPreset, VariantTray, differences, open_preset
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.preset.file import load_preset, with_overrides
-from tests.app.test_editor import COARSE, COARSELY, serving
-from tests.app.test_editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_server import COARSE, COARSELY, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

@@ -12,7 +12,7 @@ from dsfab.design import design as stages
 from dsfab.export import require_writable_file
 from dsfab.preset.file import load_preset
 from dsfab.study.check_model import uncut_model
-from tests.app.test_cli import refused, run
+from tests.app.command_line import refused, run
 from tests.calculix import ccx, needs_ccx, solved
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 

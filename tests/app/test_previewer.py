@@ -14,40 +14,18 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import scene as scene_module
 from dsfab.render import shader
 from dsfab.render.colouring import band_limit, diverging_colours, stress_label
-from dsfab.render.drawing import page_view
 from dsfab.render.light import QUICK
 from dsfab.render.marks import reaction_arrows
 from dsfab.render.previewer import TRIAL_SIZE, Previewer
-from dsfab.render.scene import Body, Scene, _numbers
+from dsfab.render.scene import Body, _numbers
 from dsfab.render.view import named_side
-from dsfab.slicing import cut
-from dsfab.surface import Surface
+from tests.app.preview_pictures import MOST, SIZE, difference, exact
 from tests.presets import DOME_MODES, GLOBE_MODES
-
-SIZE = (480, 360)
-MOST = 1e-3
-"""Share of the silhouette's pixels that may differ."""
 
 
 @pytest.fixture(scope="module")
 def dome() -> Design:
     return draft(load_preset(DOME_MODES, {"surface.edge": 0.5, "pattern.width": {}}))
-
-
-def exact(previewer: Previewer, surface: Surface) -> np.ndarray:
-    """Where a surface without any shader is seen by the previewer's eye."""
-    stage = previewer._stage
-    body = Body(surface.V, surface.F, np.zeros(3, dtype=np.uint8), casts=True)
-    with Scene([body], stage.centre, stage.radius) as scene:
-        return scene.mask(page_view(stage.bodies, previewer._side, SIZE), *SIZE)
-
-
-def difference(made: Design, previewer: Previewer) -> float:
-    """Share of the silhouette's pixels in which the shader and the exact cut of a draft differ."""
-    sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, snap=0.0).subset()
-    there = exact(previewer, sheet.surface)
-    assert 0.02 < there.mean() < 0.9
-    return float((previewer.mask(SIZE) != there).sum() / there.sum())
 
 
 RULES = {

@@ -15,7 +15,7 @@ from dsfab.render.design_picture import structure_picture
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, needs_only_settings
-from tests.app.test_previewer import MOST, SIZE, difference, exact
+from tests.app.preview_pictures import MOST, SIZE, difference, exact
 from tests.presets import DOME_MODES, GLOBE_MODES
 
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}

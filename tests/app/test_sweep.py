@@ -22,7 +22,7 @@ from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.sweeps.workers import Outcome
 from tests.presets import DOME_MODES
-from tests.study.test_sweep_folder import Hands, deadly
+from tests.study.sweep_folders import Hands, deadly
 
 COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0", "--set", "pattern.width={}")
 PHASES = ("--vary", "pattern.major.phase=0.0:0.6:4")

@@ -11,7 +11,7 @@ from dsfab.report.sweep_pages import sweep_page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.runs import RunRow
-from tests.app.test_editor_page import until
+from tests.app.editor_page import until
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 

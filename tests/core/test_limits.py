@@ -11,7 +11,7 @@ from dsfab.core.limits import BALANCE, RESIDUAL, worst_status
 from dsfab.report.compliance.findings import Findings
 from dsfab.statics.solve import _require_solved
 from tests.shapes import grid
-from tests.test_architecture import modules, nodes
+from tests.source import modules, nodes
 
 
 def accepted(imbalance: float, residual: float) -> bool:

@@ -27,7 +27,7 @@ from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.statics.factorisation import stiffness_factor
 from tests.shapes import ZOO, grid, jittered, lifted, zoo
-from tests.statics.test_statics import STEEL
+from tests.statics.load_cases import STEEL
 
 DIRECT = ["multifrontal", "SuperLU", "PARDISO"]
 direct = pytest.mark.parametrize("solver", DIRECT)

@@ -1,9 +1,9 @@
 """Fixtures of the tests of the writers."""
 
 import pytest
-from dsfab.export.cad.step.worker.facts import step_facts
 
 from dsfab.export.cad.step import file
+from dsfab.export.cad.step.worker.facts import step_facts
 
 
 @pytest.fixture

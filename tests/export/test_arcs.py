@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.fillets import without_short_walls
 from dsfab.export.cad.step.by_members.lines import ArcsOnSkins, ChainLine, NetLines, round_chains, with_arcs
 from dsfab.export.cad.step.by_members.patch_sides import Quad
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet
-from tests.export.test_network import flat_strip, lifting_of
+from tests.export.member_networks import flat_strip, lifting_of
 
 R = 30.0
 MIDDLE = np.array([R, -R])

@@ -16,7 +16,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, net_
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.surface import Surface
-from tests.export.test_network import T, draft_of, striped
+from tests.export.member_networks import T, draft_of, striped
 
 
 def cap(angle: float, sectors: int, cells: int = 16):

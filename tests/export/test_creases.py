@@ -11,7 +11,7 @@ from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.by_members.regions import net_of
 from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges
 from dsfab.surface import SHAPES, Surface
-from tests.export.test_network import T, draft_of, lifting_of, striped
+from tests.export.member_networks import T, draft_of, lifting_of, striped
 
 RADIUS, STEEP = 2.0, np.deg2rad(60.0)
 

@@ -16,10 +16,11 @@ from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import open_edges, part_of
 from dsfab.thickening import offsets, thicken
-from tests.app.test_cli import run
-from tests.export.test_export import box, torus
-from tests.export.test_step import plate_with_hole
-from tests.shapes import ZOO, lifted
+from tests.app.command_line import run
+from tests.export.curved_solids import saddle_solid
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import box, torus
+from tests.shapes import ZOO
 
 
 def prepared(solid, faces=STEP_FACES):
@@ -30,12 +31,6 @@ def finely(solid):
     """Every triangle in four: flat neighbours that can go again."""
     V, F = trimesh.remesh.subdivide(solid.V, solid.F)
     return type(solid)(V, F, solid.genus, solid.pieces)
-
-
-def saddle_solid():
-    """A curved sheet, thick against the bend of its faces: 1,344 triangles, no two in one plane but on the rim."""
-    surface = lifted(lambda x, y: 0.8 * (x - 0.5) * (y - 0.5), cells=16)
-    return thicken(surface, offsets(surface, 0.1).D)
 
 
 def from_torus(points):

@@ -17,28 +17,10 @@ from dsfab.export import FORMATS, Written, formats, write, writing
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
+from tests.export.solids import SIZE, box, needle, torus
 from tests.shapes import grid, sphere
 
-SIZE = np.array([0.2, 0.3, 0.05])
 TRIMESH = (".stl", ".ply", ".obj", ".off", ".glb")
-
-
-def box(size=SIZE, corner=(0.0, 0.0, 0.0)) -> Solid:
-    """Twelve triangles around a box."""
-    V = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size + corner
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    return Solid(V, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), genus=0, pieces=1)
-
-
-def torus(nu: int = 24, nv: int = 12) -> Solid:
-    """Radii 1 m and 0.3 m, in triangles facing outwards."""
-    u, v = (2 * np.pi * x / n for x, n in zip(np.divmod(np.arange(nu * nv), nv), (nu, nv), strict=True))
-    r = 1 + 0.3 * np.cos(v)
-    i, j = np.divmod(np.arange(nu * nv), nv)
-    a, b = i * nv + j, (i + 1) % nu * nv + j
-    c, d = (i + 1) % nu * nv + (j + 1) % nv, i * nv + (j + 1) % nv
-    F = np.concatenate([np.c_[a, b, c], np.c_[a, c, d]])
-    return Solid(np.c_[r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], F, genus=1, pieces=1)
 
 
 def loaded(path: Path) -> trimesh.Trimesh:
@@ -302,15 +284,6 @@ def test_a_file_of_which_the_end_is_missing_is_not_kept(tmp_path, monkeypatch, s
     with pytest.raises(ExportError):
         write(sheet, here / f"sheet{suffix}")
     assert not any(here.iterdir())
-
-
-def needle(gap: float, corner: float) -> Solid:
-    """A box whose edge 0-1 is cut in two by a vertex `gap` from its upper end."""
-    solid = box(corner=(corner, 0.0, 0.0))
-    V = np.r_[solid.V, [solid.V[1] - [0, 0, gap]]]
-    on = [f for f in solid.F.tolist() if {0, 1} <= set(f)]
-    halves = [[8 if v == old else v for v in f] for f in on for old in (0, 1)]
-    return Solid(V, np.array([f for f in solid.F.tolist() if f not in on] + halves), genus=0, pieces=1)
 
 
 def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed(tmp_path):

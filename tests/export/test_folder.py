@@ -13,28 +13,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export import atomic_file
 from dsfab.export import writing as folders
 from dsfab.export.writing import DESIGN, JOURNAL, atomic_folder, complete_folder, is_abandoned, manifest, partial_name
-
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
-OLD = {"a.stl": "old a", "b.step": "old b", "preset.toml": "old"}
-NEW = {"a.stl": "new a", "c.dxf": "new c", "preset.toml": "new"}
-OWN = {"notes.txt": "mine", "c.3dm": "mine too"}
-
-
-def write(place: Path, files: dict[str, str]) -> None:
-    """Files, and a design's manifest of them."""
-    for name, text in files.items():
-        (place / name).write_text(text)
-    (place / DESIGN).write_text(json.dumps({"files": sorted(files), "manifest": manifest(place)}))
-
-
-def delivered(place: Path, files: dict[str, str]) -> None:
-    with atomic_folder(place) as partial:
-        write(partial, files)
-
-
-def held(place: Path) -> dict[str, str]:
-    """The text of every file but the manifest's."""
-    return {path.name: path.read_text() for path in place.iterdir() if path.is_file() and path.name != DESIGN}
+from tests.export.delivered_folders import NEW, OLD, OWN, delivered, held
 
 
 @pytest.fixture(params=["beside", "inside"])
@@ -50,6 +29,9 @@ def place(request, tmp_path):
         (made / "theirs").mkdir()
         (made / "theirs" / "photo.png").write_text("mine")
     return made
+
+
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
 
 
 def test_a_new_design_takes_the_place_of_the_old_one_and_of_nothing_else(place):
@@ -165,7 +147,7 @@ def test_where_disk_or_system_cannot_the_journal_does_it(place, monkeypatch, abl
 KILLED = """
 import json, os, shutil, sys
 from pathlib import Path
-from tests.export.test_folder import NEW, OLD, OWN, delivered, held
+from tests.export.delivered_folders import NEW, OLD, OWN, delivered, held
 from dsfab.export.writing import complete
 
 home, inside = Path(sys.argv[1]), sys.argv[2] == "inside"

@@ -14,7 +14,7 @@ from dsfab.export import FORMATS, write
 from dsfab.members.frame import solve_frame
 from dsfab.surface.shapes import plate
 from tests.calculix import needs_ccx, solved
-from tests.export.test_saf import crooked, written
+from tests.export.saf_members import crooked, written
 from tests.opensees import needs_opensees, run
 
 CASES = ("dead", "snow", "crowd", "ULS 1", "lifted")

@@ -8,32 +8,11 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.bim import ifc
-from tests.export.test_export import box, torus
-from tests.export.test_pieces import three
-
-ifcopenshell = pytest.importorskip("ifcopenshell", reason="ifcopenshell (extra ifc) is not installed")
+from tests.export.ifc_files import amounts, faults, ifcopenshell
+from tests.export.solid_pieces import three
+from tests.export.solids import box, torus
 
 STEEL = Details(measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3}, material="S235")
-
-
-def faults(path) -> list:
-    import ifcopenshell.validate
-
-    logger = ifcopenshell.validate.json_logger()
-    ifcopenshell.validate.validate(str(path), logger)
-    return [entry for entry in logger.statements if entry.get("level") in ("error", "warning")]
-
-
-def amounts(element) -> dict[str, float]:
-    """Quantities and properties by name."""
-    found = {}
-    for relation in element.IsDefinedBy:
-        given = relation.RelatingPropertyDefinition
-        if given.is_a("IfcElementQuantity"):
-            found |= {one.Name: one[3] for one in given.Quantities}
-        else:
-            found |= {one.Name: one.NominalValue.wrappedValue for one in given.HasProperties}
-    return found
 
 
 def test_a_file_of_three_pieces_is_valid_and_measured(tmp_path):

@@ -26,7 +26,7 @@ from dsfab.export.cad.step.worker.reports import OcctFinding
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.surface.shapes.round_shapes import sphere
-from tests.export.test_estimate import saddle_solid
+from tests.export.curved_solids import saddle_solid
 from tests.smooth import THICKNESS, holed, thickened
 
 

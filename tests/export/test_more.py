@@ -21,8 +21,8 @@ from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
 from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.surface.fields import StructureLine
-from tests.export.test_export import box
-from tests.export.test_lines import ARCHED, FLAT
+from tests.export.solids import box
+from tests.export.striped_solids import ARCHED, FLAT
 from tests.presets import DOME_MODES
 from tests.shapes import grid
 
@@ -68,8 +68,8 @@ def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     (tmp_path / "elsewhere").mkdir()
     code = (
-        "import sys; from dsfab.export import write; from tests.export.test_export import box\n"
-        "from tests.export.test_lines import ARCHED; write(box(), sys.argv[1], details=ARCHED[1], name='arch')"
+        "import sys; from dsfab.export import write; from tests.export.solids import box\n"
+        "from tests.export.striped_solids import ARCHED; write(box(), sys.argv[1], details=ARCHED[1], name='arch')"
     )
     subprocess.run(
         [sys.executable, "-c", code, tmp_path / "elsewhere" / "b.3dm"], check=True, cwd=Path(__file__).parents[2]

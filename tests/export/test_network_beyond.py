@@ -32,7 +32,7 @@ from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.part import StripedSheet
 from dsfab.export.splines import bernstein
 from dsfab.surface import Surface
-from tests.export.test_network import RADIUS, cylinder_strip, draft_of, striped
+from tests.export.member_networks import RADIUS, cylinder_strip, draft_of, striped
 
 THICK = 40.0
 

@@ -9,7 +9,7 @@ from dsfab.export.cad.step.by_members.patches import places
 from dsfab.export.cad.step.by_members.sharp_corners import FILLET_SHARE, FLUSH_TOLERANCE, INNER_SHARE, flush_at_corners
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 SQUARE, THICK = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]]), 40.0
 

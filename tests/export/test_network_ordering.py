@@ -14,7 +14,7 @@ from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.worker import use
 from dsfab.export.cad.step.worker.shapes import read
 from dsfab.surface import Surface
-from tests.export.test_network import RADIUS, cylinder_strip, draft_of, flat_model, striped
+from tests.export.member_networks import RADIUS, cylinder_strip, draft_of, flat_model, striped
 
 THICK = 40.0
 

@@ -21,7 +21,7 @@ from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.splines import bernstein
-from tests.export.test_network import cylinder_grid, cylinder_strip, draft_of
+from tests.export.member_networks import cylinder_grid, cylinder_strip, draft_of
 
 ANYWHERE = np.array([[-np.inf] * 3, [np.inf] * 3])
 

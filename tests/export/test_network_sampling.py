@@ -9,7 +9,7 @@ from dsfab.export.cad.step.by_members.model import NetWall
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.cad.step.by_members.trimmed_corrections import SAMPLES, with_sampled_peaks
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 SQUARE, THICK = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]]), 40.0
 ALLOWED = 1e-5

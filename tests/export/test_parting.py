@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patches import FaceLimits
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_division import HalvedOutline, allowance_used, divided_faces
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 LIMITS = FaceLimits(0.01, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
 

@@ -2,26 +2,14 @@
 
 import zipfile
 
-import numpy as np
 import pytest
 
 from dsfab.core.errors import ExportError
 from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
-from dsfab.thickening import Solid
-from tests.export.test_export import box, torus
-
-
-def three() -> Solid:
-    """A box, a box with a bubble in it, and a ring."""
-    solids = [box(), box(corner=(0.5, 0, 0)), box(size=np.full(3, 0.01), corner=(0.6, 0.1, 0.02)), torus()]
-    V, F, at = [], [], 0
-    for i, one in enumerate(solids):
-        V.append(one.V + [0, 0, 2.0 * (i == 3)])
-        F.append((one.F[:, ::-1] if i == 2 else one.F) + at)
-        at += len(one.V)
-    return Solid(np.concatenate(V), np.concatenate(F), genus=1, pieces=3)
+from tests.export.solid_pieces import three
+from tests.export.solids import box, torus
 
 
 def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, inspected):

@@ -11,7 +11,7 @@ from dsfab.export.cad.step.by_members.lines import ChainLine
 from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, _stray_distances
 from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from tests.export.test_network import cylinder_strip, draft_of, striped
+from tests.export.member_networks import cylinder_strip, draft_of, striped
 
 
 def test_cubics_are_divided_until_their_poles_are_in_a_box():

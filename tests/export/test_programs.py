@@ -3,7 +3,6 @@
 Debian: admesh, prusa-slicer. pip: gmsh, cadaclysm. npm: gltf-validator (its folder in GLTF_VALIDATOR).
 """
 
-import importlib.util
 import json
 import os
 import re
@@ -24,17 +23,14 @@ from dsfab.export import Details, StepOptions, write
 from dsfab.surface.fields import StructureLine
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
-from tests.export.test_lines import ARCHED
+from tests.export.other_programs import module
+from tests.export.striped_solids import ARCHED
 from tests.shapes import grid, lifted
 from tests.smooth import THICKNESS, holed, thickened
 
 
 def program(name: str) -> Callable:
     return pytest.mark.skipif(shutil.which(name) is None, reason=f"the program {name} is not installed")
-
-
-def module(name: str) -> Callable:
-    return pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"the module {name} is not installed")
 
 
 def ran(*command: object, limit: float = 120) -> str:

@@ -19,7 +19,8 @@ from dsfab.export.part import part_of
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken
-from tests.export.test_export import box, needle, torus
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import box, needle, torus
 from tests.shapes import grid, sphere
 
 
@@ -52,13 +53,6 @@ def check_laws(shape: Polyhedron, volume: float) -> None:
         assert all(a < 0 for a in areas[1:])
         total += sum(areas) * (shape.points[shape.origin[face]] @ shape.normals[face]) / 3
     assert total == pytest.approx(volume * 1e9, rel=1e-6)
-
-
-def plate_with_hole() -> Solid:
-    """6 x 6 squares of 0.1 m without the middle four, 20 mm thick."""
-    plate = grid(6, 6, 0.6, 0.6)
-    inside = (np.abs(plate.centroids[:, :2] - 0.3) < 0.1).all(axis=1)
-    return thicken(Surface(plate.V, plate.F[~inside]), np.tile([0, 0, 0.01], (plate.n, 1)))
 
 
 def bumps(heights: np.ndarray) -> Solid:

@@ -12,9 +12,9 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.entities import FACETED_DIGITS
 from dsfab.export.part import part_of
 from dsfab.thickening import Solid
-from tests.export.test_export import torus
-from tests.export.test_programs import module
-from tests.export.test_step import plate_with_hole
+from tests.export.other_programs import module
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import torus
 
 UNIT = 10.0**-FACETED_DIGITS
 

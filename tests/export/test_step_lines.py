@@ -10,7 +10,7 @@ from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import curves_along
 from dsfab.export.formats import suffix_of
 from dsfab.surface.fields import StructureLine, polyline_length
-from tests.export.test_lines import ARCHED, FLAT
+from tests.export.striped_solids import ARCHED, FLAT
 
 
 def helix(turns: float = 1.5, count: int = 200) -> np.ndarray:

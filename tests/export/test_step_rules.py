@@ -18,11 +18,11 @@ from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.smooth.solid import file_text
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault
-from tests.export.test_folds import folded_part, openings, ridged_roof
-from tests.export.test_network import cylinder_grid, cylinder_strip, draft_of
-from tests.export.test_planar import holed_sheet
-from tests.export.test_planar import thickened as thickened_plate
-from tests.export.test_step import plate_with_hole
+from tests.export.folded_sheets import folded_part, openings, ridged_roof
+from tests.export.holed_sheets import holed_sheet
+from tests.export.holed_sheets import thickened as thickened_plate
+from tests.export.member_networks import cylinder_grid, cylinder_strip, draft_of
+from tests.export.planar_solids import plate_with_hole
 from tests.smooth import THICKNESS, holed, thickened
 
 SURFACES = {"PLANE", "CYLINDRICAL_SURFACE", "B_SPLINE_SURFACE_WITH_KNOTS", "SURFACE_OF_LINEAR_EXTRUSION"}

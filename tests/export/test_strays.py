@@ -9,7 +9,7 @@ import pytest
 from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.trimmed import trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
-from tests.export.test_network import asked, flat_model
+from tests.export.member_networks import asked, flat_model
 
 SQUARE = np.array([[0, 0], [200, 0], [200, 200], [0, 200.0]])
 

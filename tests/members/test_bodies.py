@@ -16,7 +16,7 @@ from dsfab.preset.file import load_preset
 from dsfab.surface import signed_volume, total_area
 from dsfab.workshop import drawing_files, workshop_plan
 from tests.designs import sliced
-from tests.export.test_ifc import amounts, faults
+from tests.export.ifc_files import amounts, faults
 
 BODIES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "shapes"]
 

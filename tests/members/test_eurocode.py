@@ -29,20 +29,9 @@ from dsfab.members.eurocode.checks import Rectangle, moment_factor
 from dsfab.members.eurocode.grades import k_mod
 from dsfab.preset.file import load_preset
 from dsfab.preset.sections import Duration
+from tests.members.bars import bar
 
 N, VY, VZ, MT, MY, MZ = range(6)
-
-
-def bar(width, thickness, length, curvature=0.0, **forces) -> MemberBays:
-    """One bay with forces that are alike along it, or of five values; metres, newtons."""
-    rows = np.zeros((1, 5, 6))
-    for name, value in forces.items():
-        rows[0, :, ("N", "Vy", "Vz", "Mt", "My", "Mz").index(name)] = value
-    five = np.ones((1, 5))
-    s = np.linspace(0, length, 5)[None]
-    return MemberBays(
-        ("A1",), ("N1 N2",), s, width * five, thickness, np.array([length]), curvature * five, {"load": rows}
-    )
 
 
 def of_steel(bays: MemberBays, grade="S235", **factors) -> dict[str, float]:

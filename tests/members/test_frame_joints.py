@@ -12,7 +12,7 @@ from dsfab.members import Member, MemberGraph
 from dsfab.members.frame import BeamMaterial, Frame, frame_of, solve_frame
 from dsfab.members.frame.joints import join_ends, joints_at_nodes
 from dsfab.surface import LoadCase, Surface
-from tests.members.test_member_forces import axis
+from tests.members.axes import axis
 from tests.shapes import grid, subsurface
 
 CONCRETE = BeamMaterial(33e9, 0.2, 2500.0)

@@ -11,29 +11,17 @@ import dsfab
 from dsfab.core.errors import ExportError, StaticsError
 from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
-from dsfab.members import Member, MemberAxis, MemberGraph
+from dsfab.members import Member, MemberGraph
 from dsfab.members.eurocode import MemberBays, Rules, utilisation
 from dsfab.members.frame import forces_along
 from dsfab.statics import Material
 from dsfab.surface import Surface
-from tests.members.test_section_forces import forces_of, loaded_strip, short_tube
+from tests.members.axes import axis
+from tests.members.loaded_shells import forces_of, loaded_strip, short_tube
 from tests.shapes import grid, jittered
-from tests.statics.test_modes import hold
+from tests.statics.supports import hold
 
 N, VY, VZ, MT, MY, MZ = range(6)
-
-
-def axis(points, normals, closed=False) -> MemberAxis:
-    """Through points (k, 3), straight between them."""
-    P, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
-    step = np.linalg.norm(np.diff(P, axis=0), axis=1)
-    s = np.concatenate([[0], np.cumsum(step)])
-    T = np.gradient(P, s, axis=0)
-    if closed:
-        T[0] = T[-1] = P[1] - P[-2]
-    T /= np.linalg.norm(T, axis=1)[:, None]
-    zero = np.zeros(len(s))
-    return MemberAxis(s, P, T, np.broadcast_to(normals, P.shape), zero, zero, zero, closed, s, 0.0)
 
 
 def borne(surface, found, line, at, cells=None) -> np.ndarray:

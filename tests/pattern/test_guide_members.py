@@ -8,7 +8,7 @@ from dsfab.pattern import Guide, Stripes
 from dsfab.pattern.guides import GuideError
 from dsfab.preset.file import load_preset
 from dsfab.surface.mesh import nearest_places
-from tests.pattern.test_steering import pulled, towards
+from tests.pattern.pulled_plates import pulled, towards
 
 MIDDLE = np.array([1.5, 1.5, 0.0])
 SPACING = 0.375

@@ -15,8 +15,8 @@ from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from tests.shapes import ZOO, grid, jittered, sphere, subsurface, zoo
-from tests.slicing.test_slicing import check_laws
-from tests.surface.test_geodesic import prism
+from tests.slicing.laws import check_laws
+from tests.surface.prisms import prism
 
 SNAP = 0.05
 

@@ -1,11 +1,9 @@
 """Measures of a pattern: closed forms on plates and a fan, then the presets, told wherever a design is."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
@@ -18,12 +16,12 @@ from dsfab.diffusion.symmetry import checked_symmetry
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.slicing import Chart, cut
-from dsfab.slicing.measures.chart import StripeChart
+from dsfab.slicing import cut
 from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface
+from tests.pattern.plain_stripes import drawn
 from tests.presets import DOME_MODES
 from tests.shapes import square
 
@@ -34,16 +32,6 @@ EVEN = {
     "pattern.minor.frequency": 0.0,
     "pattern.minor.spacing": 0.55,
 }
-
-
-def drawn(surface, z, d, known=None, kept=None):
-    """Stripes on a surface that is its own chart."""
-    n, m = surface.n, surface.m
-    scale = np.ones((n, 2))
-    chart = Chart(surface, np.arange(m), csr_array(eye_array(n)), np.stack(z, axis=1), scale)
-    widths = np.broadcast_to(np.asarray(d, dtype=float), (n, 2))
-    made = StripeChart.from_chart(chart, widths, np.full(n, -1.0) if kept is None else kept)
-    return made if known is None else replace(made, known=known)
 
 
 def measured(made, angle=0.0):

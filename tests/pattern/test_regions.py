@@ -35,7 +35,7 @@ from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of
 from dsfab.surface.topology import manifold_faults
 from tests.presets import DOME_MODES
 from tests.shapes import grid, jittered, lifted, sphere
-from tests.surface.test_outlines import DOOR, star
+from tests.surface.outline_drawings import DOOR, star
 
 PLATE = jittered(grid(16, 12, 8.0, 6.0))
 SQUARE = ((2.1, 2.2), (4.3, 2.2), (4.3, 4.4), (2.1, 4.4))

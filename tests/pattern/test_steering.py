@@ -23,42 +23,22 @@ from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.results import CaseResult, PatternResult, StaticsResult, StressedSurface
+from dsfab.results import PatternResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.measures.pattern_quality import pattern_quality
-from dsfab.statics import Equilibrium
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.structures import isotropic
 from dsfab.study.sweeps.metrics import metric_value
 from dsfab.surface import All, Ball, LoadCase, Surface
-from tests.pattern.test_even_invariance import TURN, Case, difference
-from tests.pattern.test_even_invariance import case as zoo_case
-from tests.pattern.test_quality import drawn
+from tests.pattern.loaded_cases import TURN, Case, difference
+from tests.pattern.loaded_cases import case as zoo_case
+from tests.pattern.plain_stripes import drawn
+from tests.pattern.pulled_plates import pulled, stressed, towards
 from tests.presets import DOME_MODES
-from tests.shapes import grid, jittered, moebius, square
+from tests.shapes import grid, moebius, square
 
 CLEAR = 1 / (1 + 0.3 / np.sqrt(2))
 """Confidence under tension s along one axis: D = s, reference s / sqrt 2."""
-
-
-def pulled(**more) -> Case:
-    """3 by 3 m, pulled along x by the same stress everywhere."""
-    surface = jittered(grid(30, 30, 3.0, 3.0), 0.2)
-    held = np.zeros((surface.n, 3), dtype=bool)
-    load = LoadCase(held, np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool))
-    asked = {"pattern.symmetry": "none", **{f"pattern.{key}": value for key, value in more.items()}}
-    given = Case(surface, load, (0.375, 0.375), asked)
-    sigma = np.zeros((surface.m, 3, 3))
-    sigma[:, 0, 0] = 2e6
-    given.__dict__["statics"] = stressed(given, sigma)
-    return given
-
-
-def stressed(given: Case, sigma: np.ndarray) -> StaticsResult:
-    """Under stresses (m, 3, 3) of which no place moves more than another."""
-    nothing = np.zeros((given.surface.n, 3))
-    answer = given.load, Equilibrium(nothing, nothing, 0.0, 0.0), sigma, None
-    return StaticsResult(*answer, {name: CaseResult(*answer) for name in given.preset.followed_weights})
 
 
 def degrees(given: Case, family: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -72,11 +52,6 @@ def degrees(given: Case, family: int = 0) -> tuple[np.ndarray, np.ndarray]:
 def off(found: np.ndarray, angle: float) -> float:
     """The largest difference, degrees; a half turn is none."""
     return float(np.abs((found - angle + 90) % 180 - 90).max())
-
-
-def towards(angle: float) -> list[float]:
-    a = np.radians(angle)
-    return [float(np.cos(a)), float(np.sin(a)), 0.0]
 
 
 EVERYWHERE = {"at": {"pick": "all"}, "direction": towards(30), "weight": 1e6}

@@ -1,6 +1,5 @@
 """`assembly.pdf`: the order in which members go up, and pages on which everything is named, inside of the page."""
 
-import io
 import json
 import re
 from dataclasses import replace
@@ -20,7 +19,7 @@ from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_fac
 from dsfab.report.assembly.bar_pages import _bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
-from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, PaperBox, usual_scale
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
 from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded_plan, workshop_plan
@@ -28,6 +27,7 @@ from dsfab.workshop.bars import bar_body
 from dsfab.workshop.bodies import strip_body
 from tests.browser import browser, opened
 from tests.designs import sliced
+from tests.report.recorder import Recorder
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -40,24 +40,6 @@ def vault():
 @pytest.fixture(scope="module")
 def plan(vault):
     return workshop_plan(vault)
-
-
-class Recorder(Paper):
-    """Paper that remembers its words: text, lower left corner and size, millimetres."""
-
-    def __init__(self):
-        from reportlab.pdfgen.canvas import Canvas
-
-        super().__init__(Canvas(io.BytesIO(), pagesize=(1200, 850)), ("Helvetica", "Helvetica-Bold"))
-        self.words = []
-
-    def text(self, at, words, size=7.0, colour=(0, 0, 0), side="left", bold=False):
-        wide, high = self.width(words, size, bold), 0.35 * size * 0.72
-        x = float(at[0]) - {"left": 0, "middle": wide / 2, "right": wide}[side]
-        self.words.append((words, x, float(at[1]), wide, high))
-
-    def upright_text(self, at, words, size, colour=(0, 0, 0)):
-        self.words.append((words, at[0], at[1], 0.25 * size, self.width(words, size)))
 
 
 @pytest.fixture(scope="module")

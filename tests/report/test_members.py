@@ -17,8 +17,8 @@ from dsfab.preset.file import load_preset
 from dsfab.report import members
 from dsfab.report.html_pages import CaptionNumbers, ReportFigure
 from dsfab.report.members import force_diagrams
-from tests.app.test_compliance import pdf_words
-from tests.members.test_eurocode import bar
+from tests.app.pdf_text import pdf_words
+from tests.members.bars import bar
 
 PICTURE = ReportFigure("", b"", (1, 1), missing="none")
 

@@ -12,8 +12,8 @@ from dsfab.slicing.cutting.cut import LEVEL_GAP
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.shapes import ZOO, grid, jittered, sphere, zoo
-from tests.slicing.test_slicing import check_laws, points_in_cells
-from tests.slicing.test_slicing import material_area as area_of
+from tests.slicing.laws import check_laws, points_in_cells
+from tests.slicing.laws import material_area as area_of
 
 
 def band(z, d) -> np.ndarray:

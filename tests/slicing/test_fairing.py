@@ -10,7 +10,7 @@ from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.shapes import grid, jittered, sphere
-from tests.slicing.test_slicing import check_laws, material_area
+from tests.slicing.laws import check_laws, material_area
 
 RADIUS = 0.31
 

@@ -15,7 +15,7 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
 from tests.shapes import ZOO, grid, jittered, sphere
-from tests.slicing.test_slicing import cases, check_laws
+from tests.slicing.laws import cases, check_laws
 
 SHARES = [0.0, 0.02, 0.1]
 

@@ -7,8 +7,8 @@ from dsfab.slicing import Sheet, cut, resolve_pinches, with_least_widths
 from dsfab.slicing.measures.widths import Features, features
 from dsfab.surface import Surface
 from tests.shapes import grid, jittered
-from tests.slicing.test_necks import check_bridged
-from tests.slicing.test_slicing import material_area
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
 
 GAP, MEMBER = 0.02, 0.04
 HALF_ANGLE = np.radians(4)

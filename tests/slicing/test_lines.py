@@ -11,21 +11,7 @@ from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import chains, hat_gradients, level_lines, polyline_length, simplified_line
 from tests.shapes import ZOO, grid, jittered, sphere, zoo
-
-
-def staggered_tube(around: int, along: int, radius: float = 1.0, height: float = 2.0) -> Surface:
-    """An upright cylinder, open at both ends; its normals point outwards."""
-    i, j = np.meshgrid(np.arange(around), np.arange(along + 1), indexing="ij")
-    angle = 2 * np.pi * (i + 0.5 * (j % 2)).ravel() / around
-    V = np.c_[radius * np.cos(angle), radius * np.sin(angle), height * j.ravel() / along]
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(around), np.arange(along), indexing="ij"))
-    a, right = i * (along + 1) + j, (i + 1) % around * (along + 1) + j
-    even = j % 2 == 0
-    F = np.concatenate(
-        [np.c_[a, right, a + 1][even], np.c_[right, right + 1, a + 1][even]]
-        + [np.c_[a, right, right + 1][~even], np.c_[a, right + 1, a + 1][~even]]
-    )
-    return Surface(V, F)
+from tests.slicing.staggered_tubes import staggered_tube
 
 
 def striped(surface: Surface, x: np.ndarray, stripes: Stripes):

@@ -9,7 +9,7 @@ from dsfab.slicing.measures.lines import CornerLines, chart_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
 from tests.shapes import grid, jittered
-from tests.slicing.test_lines import staggered_tube
+from tests.slicing.staggered_tubes import staggered_tube
 
 NAMES = ("major", "minor")
 

@@ -11,10 +11,11 @@ from dsfab.slicing.finishing.least_widths import REACH, narrow_gaps
 from dsfab.slicing.finishing.openings import Openings
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
-from dsfab.surface.topology import euler_characteristic, manifold_faults
+from dsfab.surface.topology import euler_characteristic
 from tests.shapes import grid, jittered
-from tests.slicing.test_fillet import openings, striped_ball
-from tests.slicing.test_slicing import check_laws, material_area
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
+from tests.slicing.striped_balls import openings, striped_ball
 
 WIDTH = 0.05
 
@@ -24,14 +25,6 @@ def dumbbell(plate: Surface, half: float, far: float = 0.1, size: float = 0.15) 
     x, y = plate.V[:, :2].T - 0.5
     squares = np.maximum(np.abs(np.abs(x) - far - size) - size, np.abs(y) - size)
     return cut(plate, [np.minimum(squares, np.maximum(np.abs(x) - far - 0.05, np.abs(y) - half))], [[0.0]], snap=0)
-
-
-def check_bridged(uncut: Surface, before: Sheet, after: Sheet) -> None:
-    """Material is added only, and fits."""
-    check_laws(uncut, after)
-    assert manifold_faults(after.surface.F, after.surface.edges, after.surface.n) == ()
-    assert material_area(after) >= material_area(before)
-    assert after.weights @ uncut.V == pytest.approx(after.surface.V, abs=1e-12)
 
 
 @pytest.mark.parametrize("half", [0.004, 0.012, 0.02])

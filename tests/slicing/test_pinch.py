@@ -11,7 +11,7 @@ from dsfab.slicing.finishing import point_contacts
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces, pinches
 from tests.shapes import ZOO, grid, jittered, sphere, zoo
-from tests.slicing.test_slicing import check_laws, material_area
+from tests.slicing.laws import check_laws, material_area
 
 both_rules = pytest.mark.parametrize("rule", ["join", "split"])
 

@@ -12,30 +12,17 @@ from dsfab.preset.proposal import preset_for
 from dsfab.slicing import Tidy, material_area, tidied_sheet
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.finishing.stubs import LARGE, LARGER
-from dsfab.surface import pieces
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.shapes import grid
-
-LONG, HIGH, FRAME, HALF, STEP = 5.0, 3.0, 0.1, 0.15, 0.25
-PLATE = grid(20, 5, LONG, HIGH)
+from tests.slicing.posts import FRAME, HALF, HIGH, LONG, PLATE, STEP, blank_face, material, parts
 
 
 def stripe(y: float, blank: np.ndarray) -> CornerField:
     """One along a height, .3 wide, but for blank faces (m,)."""
     z = PLATE.V[:, 1] - y
     return CornerField(np.stack([z + HALF, z - HALF], axis=1), np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank)
-
-
-def blank_face(x: float, y: float) -> np.ndarray:
-    """(m,) the one face at a place."""
-    V = PLATE.V[PLATE.F]
-    side = [np.cross(V[:, (k + 1) % 3] - V[:, k], np.array([x, y, 0.0]) - V[:, k])[:, 2] for k in range(3)]
-    found = np.all(np.array(side) > 0, axis=0)
-    assert found.sum() == 1
-    return np.asarray(found)
 
 
 def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edges: bool = True) -> Sheet:
@@ -57,15 +44,6 @@ def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edg
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
     assert parts(sheet) == 1
     return sheet
-
-
-def material(sheet: Sheet) -> float:
-    return float(sheet.surface.areas[sheet.material].sum())
-
-
-def parts(sheet: Sheet) -> int:
-    kept = sheet.subset().surface
-    return pieces(kept.F, kept.edges)[0]
 
 
 def whole(posts: list[float]) -> float:

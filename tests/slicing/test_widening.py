@@ -11,9 +11,9 @@ from dsfab.slicing.finishing.least_widths import narrow_members
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from tests.shapes import grid, jittered
-from tests.slicing.test_fillet import striped_ball
-from tests.slicing.test_necks import check_bridged
-from tests.slicing.test_slicing import material_area
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
+from tests.slicing.striped_balls import striped_ball
 
 WIDTH, USUAL = 0.05, 0.12
 

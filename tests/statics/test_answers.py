@@ -30,7 +30,7 @@ from dsfab.statics import (
 from dsfab.statics.modes import _normalised_shapes
 from tests.presets import DOME_MODES
 from tests.shapes import grid
-from tests.statics.test_modes import STEEL, hold, rim
+from tests.statics.supports import STEEL, hold, rim
 
 BEST = elements_of("displacement")
 

@@ -21,7 +21,7 @@ from dsfab.statics.membrane import AIRY, hybrid_rigidity
 from dsfab.surface import Surface
 from dsfab.verification import TESTS
 from tests.shapes import grid, jittered
-from tests.statics.test_statics import STEEL, H, case
+from tests.statics.load_cases import STEEL, H, case
 
 BEST, SIX_NODES = elements_of("displacement"), elements_of("six_nodes")
 

@@ -22,36 +22,15 @@ from dsfab.statics import (
 from dsfab.statics.modes import geometric_stiffness, mass_matrix
 from dsfab.surface import LoadCase
 from tests.shapes import grid, jittered, lifted, moebius, three_leaves, tube
-from tests.statics.test_elements import unknowns
+from tests.statics.sheets import unknowns
+from tests.statics.supports import BEAM, STEEL, hold, order, rim
 
 BEST = elements_of("displacement")
 
-STEEL, BEAM = Material(210e9, 0.3, 7850.0), Material(210e9, 0.0, 7850.0)
 H = 0.01
 MIDEDGE = Elements("constant", "midedge")
 PAIRS = [Elements("constant", "hinge"), MIDEDGE, Elements("quadratic", "midedge"), BEST]
 pairs = pytest.mark.parametrize("elements", PAIRS, ids=str)
-
-
-def order(errors) -> float:
-    """Observed rate between the two finest of meshes that halve their size."""
-    return float(np.log2(errors[-2] / errors[-1]))
-
-
-def hold(surface, *supports):
-    """(n, 3) from pairs of marked vertices and directions such as "xz"."""
-    fixed = np.zeros((surface.n, 3), dtype=bool)
-    for where, axes in supports:
-        for axis in axes:
-            fixed[where, "xyz".index(axis)] = True
-    return fixed
-
-
-def rim(surface):
-    """(n,) vertices of free edges."""
-    on = np.zeros(surface.n, dtype=bool)
-    on[surface.edges.ends[surface.edges.boundary]] = True
-    return on
 
 
 def pushed(surface, fixed, where, q, elements, material, thickness=H, clamped=None, count=3):

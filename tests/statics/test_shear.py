@@ -7,10 +7,10 @@ from numpy.testing import assert_allclose
 from dsfab.statics import Elements, ShearRecovery, section_forces
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients, tangents
-from tests.members.test_section_forces import carried, forces_of, short_tube
+from tests.members.loaded_shells import carried, forces_of, short_tube
 from tests.shapes import ZOO, disc, grid, jittered, moebius, tube, windows, with_mixed_corners
-from tests.statics.test_modes import hold, order, rim
-from tests.statics.test_stress import BEST, H, solved
+from tests.statics.stresses import BEST, H, solved
+from tests.statics.supports import hold, order, rim
 
 CONSTANT = Elements("quadratic", "midedge")
 

@@ -24,7 +24,7 @@ from dsfab.statics import (
 from dsfab.statics.elements import assemble_blocks, edge_frames
 from dsfab.statics.factorisation import refined_solution, stiffness_factor
 from tests.shapes import ZOO, zoo
-from tests.statics.test_statics import STEEL
+from tests.statics.load_cases import STEEL
 
 PAIRS = ["constant+hinge", "quadratic+midedge", "quadratic+hhj"]
 

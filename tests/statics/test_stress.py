@@ -16,11 +16,7 @@ from dsfab.statics import (
     Material,
     SheetModel,
     SheetStress,
-    SpreadLoad,
-    elements_of,
-    equilibrium,
     plane_von_mises,
-    sheet_stiffness,
     sheet_stress,
     solve_statics,
     stress,
@@ -33,22 +29,11 @@ from dsfab.statics.stress import vertex_averages
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import tangents
 from tests.shapes import grid, jittered, lifted, moebius, sphere, tube, with_mixed_corners
-from tests.statics.test_elements import PAIRS, SHEETS, pairs, sheets
-from tests.statics.test_modes import hold, order, rim
+from tests.statics.sheets import PAIRS, SHEETS, pairs, sheets
+from tests.statics.stresses import BEST, STEEL, H, solved
+from tests.statics.supports import hold, order, rim
 
-BEST = elements_of("displacement")
-
-STEEL, H = Material(210e9, 0.3, 7850.0), 0.01
 MIDEDGE, QUICK = Elements("constant", "midedge"), Elements("quadratic", "midedge")
-
-
-def solved(surface, fixed, elements, face=(0.0, 0.0, 0.0), edge=0.0, clamped=None, thickness=H, material=STEEL):
-    """Equilibrium and stress under forces per area on all faces (Pa) and per length on the edges (N/m)."""
-    spread = SpreadLoad.broadcast(surface, face, edge)
-    load = LoadCase(fixed, spread.vertex_forces(surface), np.zeros(surface.n, dtype=bool))
-    sheet = SheetModel(surface, material, thickness, clamped=clamped)
-    answer = equilibrium(surface, sheet_stiffness(sheet, elements), sheet.with_clamped_edges(load), elements, spread)
-    return answer, sheet_stress(sheet, elements, answer)
 
 
 def in_space(found: SheetStress, layer: str):

@@ -33,7 +33,7 @@ from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
 from tests.designs import sliced
 from tests.shapes import grid
-from tests.statics.test_modes import hold
+from tests.statics.supports import hold
 
 
 def up(surface: Surface) -> np.ndarray:

@@ -16,7 +16,7 @@ from dsfab.study.sweeps.folder import SweepFolder, only_coordinator, prepare, sw
 from dsfab.study.sweeps.workers import DaskWorkers, execute
 from tests.presets import ROOF_MODES
 from tests.shapes import ZOO
-from tests.study.test_sweep_folder import measured, plan, swept
+from tests.study.sweep_folders import measured, plan, swept
 
 distributed = pytest.importorskip("distributed", reason="Dask (dsfab[cluster]) is not installed")
 

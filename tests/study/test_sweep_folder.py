@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -27,75 +27,11 @@ from dsfab.study.sweeps.folder import (
     sweep_folder,
     write_tables,
 )
-from dsfab.study.sweeps.plan import Plan, load_plan, plan_from
+from dsfab.study.sweeps.plan import load_plan
 from dsfab.study.sweeps.runs import RunRow, Store
 from dsfab.study.sweeps.scheduler import TRIES
-from dsfab.study.sweeps.workers import LocalWorkers, Outcome, cores, execute, free_memory
-from tests.presets import DOME_MODES
-
-PHASES = [0.0, 0.2, 0.4, 0.6]
-
-
-def plan(**changes) -> Plan:
-    """A sweep whose runs take a few hundredths of a second each."""
-    coarse = {"surface.edge": 1.2, "pattern.keep": 0, "pattern.width": {}}
-    values = {
-        "preset": DOME_MODES,
-        "set": coarse,
-        "vary": {"diffusion.r": [10.0, 30.0], "pattern.major.phase": PHASES},
-        "metrics": ["kept_share", "pieces"],
-        "keep": ["preset"],
-    }
-    return plan_from({**values, **changes})
-
-
-class Hands:
-    """A crew of threads in this process; `fate` may kill a worker: raise when it is given a run."""
-
-    def __init__(self, job, count=2, fate=lambda number: None):
-        self.job, self.fate, self.begun = job, fate, []
-        self.pools = {f"hand {i}": ThreadPoolExecutor(1) for i in range(count)}
-
-    def workers(self):
-        return list(self.pools)
-
-    def submit(self, worker, number, changes) -> "Future[Outcome]":
-        self.begun.append(number)
-        return self.pools[worker].submit(self._make, number, changes)
-
-    def _make(self, number, changes):
-        self.fate(number)
-        return execute(self.job, number, changes)
-
-    def lost(self, worker):
-        return ""
-
-    def learn(self, outcome):
-        pass
-
-    def close(self):
-        for pool in self.pools.values():
-            pool.shutdown()
-
-
-def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False, retry=("killed",)) -> list[int]:
-    """Make a sweep with a crew of threads; returns the numbers of the runs that were begun."""
-    with only_coordinator(sweep_folder(folder)):
-        found = prepare(asked, folder, extend)
-        crew = Hands(found.job(), fate=fate)
-        try:
-            found.run(crew, retry=retry)
-        finally:
-            crew.close()
-    return sorted(crew.begun)
-
-
-def measured(folder: Path) -> dict[int, tuple]:
-    """What is known of each run, without its seconds."""
-    return {
-        row.number: (row.state, tuple(row.changes.items()), tuple(row.metrics.items()), row.error, row.files)
-        for row in SweepFolder.from_folder(folder).rows()
-    }
+from dsfab.study.sweeps.workers import LocalWorkers, Outcome, cores, free_memory
+from tests.study.sweep_folders import PHASES, Hands, deadly, measured, plan, row, swept
 
 
 def test_a_sweep_and_all_of_its_files(tmp_path):
@@ -200,16 +136,6 @@ def test_a_worker_that_dies_once_costs_nothing_but_time(tmp_path):
     assert swept(tmp_path / "a", plan(), fate) == [1, 2, 3, 3, 4, 5, 6, 7, 8]
     swept(tmp_path / "b", plan())
     assert measured(tmp_path / "a") == measured(tmp_path / "b")
-
-
-def deadly(*numbers: int):
-    """A fate that kills whoever makes one of these runs."""
-
-    def fate(number):
-        if number in numbers:
-            raise OSError("killed")
-
-    return fate
 
 
 def states(folder: Path) -> list[str]:
@@ -464,10 +390,6 @@ def test_a_store_of_another_version_is_refused(tmp_path):
         store.describe({"format": "99"})
     with pytest.raises(DsfabError, match="another version of dsfab"):
         Store.open(tmp_path)
-
-
-def row(number: int, state="done", **metrics) -> RunRow:
-    return RunRow(number, {"pattern.major.phase": number / 10}, state, metrics)
 
 
 def test_the_best_and_the_front():

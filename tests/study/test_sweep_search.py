@@ -7,7 +7,7 @@ import pytest
 from dsfab.study.sweeps.folder import SweepFolder, best, prepare
 from dsfab.study.sweeps.plan import Constraint, Plan, plan_from
 from dsfab.study.sweeps.runs import FAILED, MISSED, NOT_MADE, RunRow, cost, digest, search
-from tests.study.test_sweep_folder import Hands, measured, plan, swept
+from tests.study.sweep_folders import Hands, measured, plan, swept
 
 SPACE = {"a": {"from": 0.0, "to": 1.0}, "b": {"from": 0.01, "to": 100.0, "log": True}, "n": {"from": 1, "to": 6}}
 

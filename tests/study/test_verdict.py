@@ -28,18 +28,7 @@ from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, finer, leve
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.shapes import grid, jittered, lifted, moebius, sphere
-
-STEEL = Material(210e9, 0.3, 7850.0)
-
-
-def pressed_plate(cells=10, pressure=1e3, thickness=0.01):
-    """A square plate of 1 m on simple supports under pressure."""
-    surface = jittered(grid(cells, cells, 1.0, 1.0))
-    edge = np.zeros(surface.n, dtype=bool)
-    edge[surface.edges.ends[surface.edges.boundary]] = True
-    force = np.outer(surface.vertex_areas, [0.0, 0.0, -pressure])
-    load = LoadCase(np.repeat(edge[:, None], 3, axis=1), force, np.zeros(surface.n, dtype=bool))
-    return LoadedSurface(surface, SheetMaterial(STEEL, thickness), {"load": load})
+from tests.study.pressed_plates import STEEL, pressed_plate
 
 
 def navier(pressure, thickness):
@@ -280,7 +269,9 @@ import sys
 from pathlib import Path
 from dsfab.core.sparse import solver_name
 from dsfab.study.verdict.levels import MAIN, level, memory_needed
-from tests.study.test_verdict import on_mesh, pressed_plate, shares, whole_sheet
+from dsfab.study.verdict.levels import on_mesh, shares
+from tests.study.pressed_plates import pressed_plate
+from dsfab.study.verdict import whole_sheet
 
 setting = pressed_plate(int(sys.argv[1]))
 sheet = whole_sheet(setting.surface)

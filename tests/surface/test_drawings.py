@@ -13,7 +13,7 @@ from dsfab.surface.files.drawings import SAME_PLACE, _loops, read_dxf
 from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
-from tests.surface.test_outlines import drawing
+from tests.surface.outline_drawings import drawing
 
 
 def test_a_grid_of_insertions_has_all_its_curves(tmp_path):

@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
-from tests.surface.test_shapes import angles
+from tests.surface.angles import angles
 
 TOPOLOGY = {
     "camel_head": (1, 1),

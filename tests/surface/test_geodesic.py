@@ -10,6 +10,7 @@ from scipy.spatial import Delaunay
 from dsfab.surface import Surface
 from dsfab.surface.geodesic import Origins, geodesic_distances
 from tests.shapes import ZOO, jittered, l_shape, zoo
+from tests.surface.prisms import prism
 
 
 def origins(surface: Surface, vertices=(), edges=None) -> Origins:
@@ -35,16 +36,6 @@ def flat(points: np.ndarray) -> Surface:
 def scattered(count: int, seed: int) -> np.ndarray:
     """Points of the unit square and its corners."""
     return np.concatenate([np.random.default_rng(seed).random((count, 2)), [[0, 0], [1, 0], [0, 1], [1, 1]]])
-
-
-def prism(sides: int, rows: int, length: float) -> Surface:
-    """A tube of radius 1, open at both ends, with vertices at irregular places along its edges."""
-    i, j = np.meshgrid(np.arange(sides), np.arange(rows + 1), indexing="ij")
-    z = length * (j + np.random.default_rng(1).uniform(-0.4, 0.4, i.shape) * ((j > 0) & (j < rows))) / rows
-    turn = 2 * np.pi * i / sides
-    V = np.stack([np.cos(turn), np.sin(turn), z], axis=-1).reshape(-1, 3)
-    a, c = (i * (rows + 1) + j)[:, :-1].ravel(), ((i + 1) % sides * (rows + 1) + j)[:, :-1].ravel()
-    return Surface(V, np.concatenate([np.c_[a, c, a + 1], np.c_[c, c + 1, a + 1]]))
 
 
 @settings(deadline=None, max_examples=30)

@@ -4,7 +4,6 @@ import shutil
 import uuid
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -21,22 +20,10 @@ from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, sel
 from dsfab.surface.loads.pickers import pierced_faces
 from tests.presets import DOME_MODES
 from tests.shapes import grid, sphere
+from tests.surface.outline_drawings import DOOR, drawing, star
 
 L_SHAPE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
 PLATE = grid(20, 20, 1.0, 1.0)  # of 1 x 1
-
-
-def star(seed: int, corners: int) -> np.ndarray:
-    """(k, 2) a polygon that does not cross itself, around (0, 0)."""
-    rng = np.random.default_rng(seed)
-    turn = np.sort(2 * np.pi * (np.arange(corners) + 0.8 * rng.random(corners)) / corners)
-    return (0.3 + rng.random(corners))[:, None] * np.c_[np.cos(turn), np.sin(turn)]
-
-
-def drawing(path: Path, unit: int = 4) -> "ezdxf.document.Drawing":
-    document = ezdxf.new("R2010")
-    document.header["$INSUNITS"] = unit
-    return document
 
 
 # ------------------------------------------------------------------------------------------------- polygons in a plane
@@ -315,9 +302,6 @@ def test_a_file_or_curves_but_not_both():
             ClosedCurves(**keys)
     with pytest.raises(SurfaceError, match="layer and unit are those of a file"):
         ClosedCurves(curves=(((0, 0, 0), (1, 0, 0), (1, 1, 0)),), layer="door")
-
-
-DOOR = ClosedCurves(curves=(((-0.3, -2, -0.5), (0.3, -2, -0.5), (0.3, -2, 0.4), (-0.3, -2, 0.4)),))
 
 
 def test_a_door_drawn_in_elevation_is_in_the_wall_that_is_nearest():

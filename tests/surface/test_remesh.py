@@ -14,13 +14,12 @@ import dsfab
 from dsfab.core.errors import DsfabError, SurfaceError
 from dsfab.surface import Surface, read_surface, refined_surface, remeshed_surface
 from dsfab.surface.edge_changes import feature_edges
-from dsfab.surface.mesh import nearest_places
 from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
-from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
 from tests.meshes import mesh_file
-from tests.shapes import ZOO, annulus, fan, folded, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, annulus, folded, grid, jittered, sphere, zoo
+from tests.surface.needles import check_kept, cone_of_needles, farthest, samples
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -31,36 +30,6 @@ def smallest_angle(surface: Surface) -> float:
     u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
     angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("mci,mci->mc", u, v))
     return float(np.degrees(angles.min()))
-
-
-def samples(surface: Surface, edges: np.ndarray, count: int = 9) -> np.ndarray:
-    """(k, 3) points along marked edges."""
-    t = np.linspace(0, 1, count)[:, None, None]
-    a, b = surface.V[surface.edges.ends[edges]].transpose(1, 0, 2)
-    return ((1 - t) * a + t * b).reshape(-1, 3)
-
-
-def farthest(points: np.ndarray, surface: Surface, edges: np.ndarray) -> float:
-    """The largest distance of points from marked edges, metres; 0 of no points."""
-    if not len(points):
-        return 0.0
-    return float(nearest_places(points, surface.V, surface.edges.ends[edges]).distance.max())
-
-
-def check_kept(old: Surface, new: Surface, edge: float, tolerance: float = 0.02) -> None:
-    """Boundaries both ways, creases, vertices on the surface, extent, topology and sides."""
-    assert farthest(samples(old, old.edges.boundary), new, new.edges.boundary) <= tolerance * edge
-    assert farthest(samples(new, new.edges.boundary), old, old.edges.boundary) <= tolerance * edge
-    inner = design_features(old, edge) & ~old.edges.boundary
-    every = np.ones(len(new.edges.ends), dtype=bool)
-    assert farthest(samples(old, inner), new, every) <= tolerance * edge
-    assert nearest_places(new.V, old.V, old.F).distance.max() <= 1e-9 * old.size
-    assert new.V.min(axis=0) == pytest.approx(old.V.min(axis=0), abs=1e-12 * old.size)
-    assert new.V.max(axis=0) == pytest.approx(old.V.max(axis=0), abs=1e-12 * old.size)
-    assert euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
-    assert pieces(new.F, new.edges)[0] == pieces(old.F, old.edges)[0]
-    assert len(new.loops) == len(old.loops)
-    assert len(manifold_faults(new.F, new.edges, new.n)) == len(manifold_faults(old.F, old.edges, old.n))
 
 
 # --- closed forms
@@ -169,12 +138,6 @@ def vault_of_needles(count: int) -> Surface:
     flat = grid(count, 1, 8.0, 10.0)
     x, y, _ = flat.V.T
     return Surface(np.c_[x, y, 2.5 * np.sin(np.pi * x / 8)], flat.F)
-
-
-def cone_of_needles(count: int) -> Surface:
-    """A flat cone of needles about its tip."""
-    t = np.linspace(0, 2 * np.pi, count, endpoint=False)
-    return fan(5 * np.c_[np.cos(t), np.sin(t)], top=1.0)
 
 
 @pytest.mark.slow

@@ -9,7 +9,7 @@ from dsfab.surface.remesh.mirrors import Chamber, Mirrors
 from dsfab.surface.remesh.remeshing import SHARP_ANGLE, _smallest_angle
 from dsfab.surface.remesh.smoothing import NearestOnSurface
 from tests.shapes import grid, jittered, sphere
-from tests.surface.test_remesh import check_kept, cone_of_needles
+from tests.surface.needles import check_kept, cone_of_needles
 
 DIAGONAL = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
 X, Y, _ = np.eye(3)

@@ -16,6 +16,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns, staggered_rows
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
+from tests.surface.angles import angles
 
 CAP = (5**2 + 3**2) / (2 * 3)  # radius of the default dome
 WAIST = 1.5
@@ -42,12 +43,6 @@ TOPOLOGY = {"catenoid": (2, 0), "cylinder": (2, 0), "tower": (2, 0), "sphere": (
 
 def default_edge(name):
     return inspect.signature(SHAPES[name]).parameters["edge"].default
-
-
-def angles(surface):
-    P = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, -2, axis=1) - P
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2)))
 
 
 @pytest.mark.parametrize("name", AREAS)

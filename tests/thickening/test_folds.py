@@ -7,7 +7,7 @@ from dsfab.thickening.repair import flatten_contacts, unfold
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.shapes import grid
-from tests.thickening.test_thickening import check_sound, made
+from tests.thickening.thick_solids import check_sound, made
 
 CELL = 1 / 12
 

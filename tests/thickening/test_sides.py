@@ -31,7 +31,7 @@ from tests.shapes import (
     torus,
     with_mixed_sides,
 )
-from tests.thickening.test_thickening import check_second_order, check_sound, made, real
+from tests.thickening.thick_solids import check_second_order, check_sound, made, real
 
 
 def strip_area(width: float, cells: int = 800) -> float:

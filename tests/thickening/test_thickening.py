@@ -1,13 +1,9 @@
 """Thickening: closed forms and their rates, laws over a zoo, real surfaces, repairs, refusals."""
 
-import os
 from collections.abc import Callable
-from pathlib import Path
 
-import manifold3d
 import numpy as np
 import pytest
-import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
@@ -22,12 +18,7 @@ from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_m
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.solid import check_solid
 from tests.shapes import ZOO, annulus, folded, grid, lifted, sphere, stacked, tube, zoo
-
-MESHES = Path(os.environ.get("DSFAB_MESHES", Path(__file__).parents[3] / "shared" / "meshes"))
-
-
-def made(surface: Surface, thickness: float) -> Solid:
-    return thicken(surface, offsets(surface, thickness).D)
+from tests.thickening.thick_solids import cgal_pairs, check_second_order, check_sound, made, real
 
 
 def kept(surface: Surface, faces: np.ndarray) -> np.ndarray:
@@ -42,24 +33,6 @@ def ragged(surface: Surface, seed: int, share: float = 0.5) -> Surface:
     """A surface with random faces missing; vertices without faces stay."""
     random = np.random.default_rng(seed).random(surface.m) < share
     return Surface(surface.V, surface.F[kept(surface, random)])
-
-
-def check_sound(solid: Solid) -> None:
-    """A closed oriented manifold without intersections, by three readers that are not ours; also as STL rounds it."""
-    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))
-    judged = manifold3d.Manifold(mesh)
-    assert judged.status() == manifold3d.Error.NoError
-    assert judged.volume() == pytest.approx(solid.volume, rel=1e-9)
-    assert judged.surface_area() == pytest.approx(solid.area, rel=1e-9)
-    read = trimesh.Trimesh(solid.V, solid.F, process=False)
-    assert read.is_volume
-    assert read.volume == pytest.approx(solid.volume, rel=1e-6)
-    assert np.allclose(read.bounds, solid.box)
-    single = (solid.V * 1e3).astype(np.float32)
-    corners = single[solid.F]
-    assert not (corners == np.roll(corners, 1, axis=1)).all(axis=2).any()
-    for V in (solid.V, single.astype(float)):
-        assert len(intersecting_pairs(V, solid.F)) == 0
 
 
 # ---------------------------------------------------------------- closed forms
@@ -85,12 +58,6 @@ def test_a_ring_has_one_handle():
 
 def shell_volume(radius: float, t: float) -> float:
     return 4 / 3 * np.pi * ((radius + t / 2) ** 3 - (radius - t / 2) ** 3)
-
-
-def check_second_order(errors: list[float], finest: float) -> None:
-    rates = np.log2(np.abs(errors[:-1]) / np.abs(errors[1:]))
-    assert rates == pytest.approx(2, abs=0.1)
-    assert abs(errors[-1]) < finest
 
 
 def test_a_spherical_shell_converges_to_its_volume():
@@ -301,21 +268,6 @@ def test_random_gentle_sheets_become_sound_solids(points, bend, twist, t):
 # ---------------------------------------------------------------- real surfaces
 
 
-def real(name: str) -> Surface:
-    path = MESHES / f"{name}.obj"
-    if not path.exists():
-        pytest.skip(f"{path} is not here; DSFAB_MESHES names the folder of real meshes")
-    V, F = [], []
-    for line in path.read_text().splitlines():
-        word = line.split()
-        if word and word[0] == "v":
-            V.append([float(c) for c in word[1:4]])
-        elif word and word[0] == "f":
-            corner = [int(c.split("/")[0]) - 1 for c in word[1:]]
-            F += [[corner[0], corner[k], corner[k + 1]] for k in range(1, len(corner) - 1)]
-    return Surface(V, F)
-
-
 @pytest.mark.parametrize(
     ("name", "share", "genus", "tolerance"),
     [
@@ -357,13 +309,6 @@ def test_a_ragged_part_of_a_real_surface_becomes_a_sound_solid():
 
 
 # ---------------------------------------------------------------- the exact test
-
-
-def cgal_pairs(V: np.ndarray, F: np.ndarray) -> set[tuple[int, ...]]:
-    """The pairs that CGAL finds (GPL: in tests only)."""
-    cgal = pytest.importorskip("igl.copyleft.cgal")
-    found = cgal.remesh_self_intersections(np.array(V), np.array(F), detect_only=True)[2]
-    return {tuple(sorted(map(int, pair))) for pair in found}
 
 
 @pytest.mark.parametrize("scale", [1.0, 2.0**-20, 2.0**10])

@@ -6,7 +6,7 @@ import pytest
 from dsfab.workshop import FlatPart, Hole, nest_parts
 from dsfab.workshop.nesting import stack_parts
 from dsfab.workshop.stock import narrow_strip, sheet_hints
-from tests.workshop.test_workshop import least_gap
+from tests.workshop.drawn_parts import least_gap
 
 GAP = 0.008
 

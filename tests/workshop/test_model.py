@@ -20,10 +20,11 @@ from dsfab.workshop import Layering, member_course, strip_limits, strip_parts, w
 from dsfab.workshop.card_models import MODEL_LETTERS, model_notes, scaled_graph, scaled_surface
 from dsfab.workshop.ground import BasePlane, StripFoot, base_parts, clipped_polygon
 from dsfab.workshop.layers import END_DISTANCE
+from tests.analytic import SURFACES
 from tests.designs import sliced
-from tests.report.test_assembly import Recorder
-from tests.workshop.test_strips import SURFACES, Bent, ReadPart, graph_of
-from tests.workshop.test_workshop import drawn, least_gap
+from tests.report.recorder import Recorder
+from tests.workshop.drawn_parts import drawn, least_gap
+from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of
 
 CARD = Layering(0.001, 2, 0.0006, ("keep",), MODEL_LETTERS)
 A3 = [(0.418, 0.295)]

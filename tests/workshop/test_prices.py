@@ -15,7 +15,7 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.assembly.flat_parts import sheet_figures
 from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nest_parts, stock_cost, stock_words, workshop_plan
 from tests.designs import sliced
-from tests.workshop.test_workshop import least_gap
+from tests.workshop.drawn_parts import least_gap
 
 GAP = 0.008
 LARGE, SMALL = (2.5, 1.25), (1.25, 0.6)

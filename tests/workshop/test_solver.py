@@ -18,7 +18,7 @@ from dsfab.workshop import nest_parts, workshop_plan
 from dsfab.workshop.nesting import NestedPart, NestedSheet, with_fewer_sheets
 from dsfab.workshop.nesting import sheets as emptying
 from dsfab.workshop.nesting.sheets import least_clearance, polygon_distance
-from tests.workshop.test_workshop import bowed, least_gap
+from tests.workshop.drawn_parts import bowed, least_gap
 
 GAP, SIZE = 0.008, (2.5, 1.25)
 

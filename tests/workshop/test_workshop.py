@@ -12,7 +12,6 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import Polygon
 
 import dsfab
 from dsfab.app.cli import main
@@ -38,6 +37,7 @@ from dsfab.workshop.plan import equal_part_groups
 from dsfab.workshop.plates import FlattenedMesh
 from tests.analytic import SURFACES
 from tests.designs import sliced
+from tests.workshop.drawn_parts import bowed, drawn, least_gap
 
 STOCK, GAP = ((2.5, 1.25),), 0.008
 
@@ -53,29 +53,6 @@ def plan(vault):
 
 
 # --- nests
-
-
-def least_gap(sheets):
-    """Metres between any two parts and from parts to the edges of their sheets, by shapely."""
-    found = [np.inf]
-    for sheet in sheets:
-        placed = [Polygon(one.placed_part.outline) for one in sheet.parts]
-        for k, one in enumerate(placed):
-            (x0, y0, x1, y1), (a, b) = one.bounds, sheet.size
-            found += [x0, y0, a - x1, b - y1, *(one.distance(other) for other in placed[:k])]
-    return min(found)
-
-
-def bowed(name, length, width, bend):
-    """A strip with parallel edges that turns by an angle, radians."""
-    bend = bend if abs(bend) > 1e-3 else 0.0
-    t = np.linspace(-bend / 2, bend / 2, 25) if bend else np.linspace(-0.5, 0.5, 25)
-    radius = length / bend if bend else 0.0
-    axis = np.c_[radius * np.sin(t), radius * (np.cos(t) - 1)] if bend else np.c_[t * length, 0 * t]
-    left = np.c_[np.sin(t), np.cos(t)] if bend else np.tile([0.0, 1.0], (25, 1))
-    return FlatPart(
-        name, name, (0.0, length), np.concatenate([axis - width / 2 * left, (axis + width / 2 * left)[::-1]])
-    )
 
 
 def shelves(parts, size, gap):
@@ -358,18 +335,6 @@ def test_a_drawing_has_the_same_bytes_in_another_process():
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
         found.add(done.stdout)
     assert len(found) == 1
-
-
-def drawn(path):
-    """The layers on which something is drawn, and how many outlines are cut."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    assert not document.audit().errors
-    assert document.header["$INSUNITS"] == 4
-    space = list(document.modelspace())
-    assert {entity.dxftype() for entity in space} <= {"LWPOLYLINE", "CIRCLE"}
-    return {entity.dxf.layer for entity in space}, sum(entity.dxf.layer == "CUT" for entity in space)
 
 
 @pytest.mark.slow
