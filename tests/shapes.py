@@ -182,6 +182,18 @@ def box(low: tuple[float, float, float], high: tuple[float, float, float]) -> Su
     return Surface(V, [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
 
 
+def corner_angles(surface: Surface) -> np.ndarray:
+    """The angles (m, 3) of the triangles at their corners, degrees."""
+    P = surface.V[surface.F]
+    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, -2, axis=1) - P
+    return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2)))
+
+
+def smallest_angle(surface: Surface) -> float:
+    """The smallest angle of all triangles, degrees."""
+    return float(corner_angles(surface).min())
+
+
 def sphere(level: int = 2, radius: float = 1.0) -> Surface:
     """A closed sphere about the origin: an octahedron, subdivided `level` times, of 8 * 4**level faces."""
     V = np.concatenate([np.eye(3), -np.eye(3)])

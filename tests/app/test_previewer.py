@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from dsfab.app import bench_preview
 from dsfab.core.errors import DsfabError, PatternError, PresetError
@@ -17,7 +18,7 @@ from dsfab.render.colouring import band_limit, diverging_colours, stress_label
 from dsfab.render.light import QUICK
 from dsfab.render.marks import reaction_arrows
 from dsfab.render.previewer import TRIAL_SIZE, Previewer
-from dsfab.render.scene import Body, _numbers
+from dsfab.render.scene import Body
 from dsfab.render.view import named_side
 from tests.app.preview_pictures import MOST, SIZE, difference, exact
 from tests.presets import DOME_MODES, GLOBE_MODES
@@ -188,7 +189,7 @@ def test_a_picture_is_the_same_twice_and_changes_with_the_pattern(dome: Design) 
 def test_stress_is_coloured_by_sign_and_again_for_other_loads(dome: Design) -> None:
     with Previewer(dome, show="stress", marks=False) as previewer:
         part = previewer._shader._parts[0]["mesh"]
-        before = _numbers(part.GetCellData().GetArray("colour")).copy()
+        before = vtk_to_numpy(part.GetCellData().GetArray("colour")).copy()
         blue = before[:, 2].astype(int) > before[:, 0]
         assert blue[dome.diffusion.tensors.principal.max(axis=1) < 0].mean() > 0.9  # pressed both ways
         limit = previewer._bar.limit
@@ -319,8 +320,8 @@ def test_corners_that_are_split_take_their_values_along() -> None:
     body = Body(V, F, np.zeros(3, dtype=np.uint8), casts=True, shader=stripes)
     with scene_module.Scene([body], np.zeros(3), 1.0):
         mesh = stripes._parts[0]["mesh"]
-        points = _numbers(mesh.GetPoints().GetData())
-        given = [_numbers(mesh.GetPointData().GetArray(name)) for name in shader.FIELDS]
+        points = vtk_to_numpy(mesh.GetPoints().GetData())
+        given = [vtk_to_numpy(mesh.GetPointData().GetArray(name)) for name in shader.FIELDS]
         assert len(points) == 24
         assert np.allclose(np.hstack(given), np.hstack([points, points]))
 

@@ -1,7 +1,6 @@
 """Lines as smooth curves: near the exact level lines, with their corners, in DXF, 3DM and STEP as others read them."""
 
 from collections import defaultdict
-from itertools import pairwise
 
 import ezdxf
 import numpy as np
@@ -9,6 +8,7 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.interpolate import BSpline
 
+from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import ExportError
 from dsfab.design import run
 from dsfab.design.output.files import deliverable
@@ -22,7 +22,7 @@ from dsfab.pattern import Stripes
 from dsfab.preset.file import load_preset
 from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
-from dsfab.surface.fields import StructureLine, _from_segment, polyline_length
+from dsfab.surface.fields import StructureLine, polyline_length
 from tests.presets import DOME_MODES
 from tests.shapes import grid, lifted
 
@@ -44,8 +44,7 @@ both = pytest.mark.parametrize("made", [FLAT, DOMED], ids=["flat", "domed"])
 
 def off(points: np.ndarray, line: np.ndarray) -> float:
     """Largest distance of points from a polyline."""
-    apart = [_from_segment(points, a, b) for a, b in pairwise(line)]
-    return float(np.min(apart, axis=0).max())
+    return float(distances_from_segments(points[:, None], line[:-1], line[1:]).min(axis=1).max())
 
 
 def judged(details: Details, found: dict[str, list[np.ndarray]]) -> None:

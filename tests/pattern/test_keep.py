@@ -14,7 +14,7 @@ from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
-from tests.shapes import ZOO, grid, jittered, sphere, subsurface, zoo
+from tests.shapes import ZOO, grid, jittered, smallest_angle, sphere, subsurface, zoo
 from tests.slicing.laws import check_laws
 from tests.surface.prisms import prism
 
@@ -55,12 +55,6 @@ def tolerance(surface: Surface, rim: float) -> float:
     that is not divided any more; a distance rises by at most half of that and falls again."""
     longest = np.linalg.norm(np.diff(surface.V[surface.edges.ends], axis=1)[:, 0], axis=1).max()
     return max(0.05 * rim, EVEN * rim + FINEST / 2 * longest)
-
-
-def smallest_angle(surface: Surface) -> float:
-    sides = surface.V[surface.F] - surface.V[np.roll(surface.F, 1, axis=1)]
-    units = sides / np.linalg.norm(sides, axis=2, keepdims=True)
-    return float(np.arccos(-(units * np.roll(units, 1, axis=1)).sum(axis=2)).min())
 
 
 def area(sheet: Sheet) -> float:

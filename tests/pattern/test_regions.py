@@ -34,7 +34,7 @@ from dsfab.surface.loads.outline_cuts import LINE_TOLERANCE, with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of
 from dsfab.surface.topology import manifold_faults
 from tests.presets import DOME_MODES
-from tests.shapes import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, smallest_angle, sphere
 from tests.surface.outline_drawings import DOOR, star
 
 PLATE = jittered(grid(16, 12, 8.0, 6.0))
@@ -62,12 +62,6 @@ def wall(*regions: dict, **pattern: object) -> dsfab.Preset:
 
 def outlined(surface: Surface, at: object) -> Surface:
     return with_outline(surface, extent_of(at, surface), np.zeros(surface.n, dtype=bool)).surface
-
-
-def smallest_angle(surface: Surface) -> float:
-    sides = surface.V[surface.F] - surface.V[np.roll(surface.F, 1, axis=1)]
-    units = sides / np.linalg.norm(sides, axis=2, keepdims=True)
-    return float(np.degrees(np.arccos(-(units * np.roll(units, 1, axis=1)).sum(axis=2)).min()))
 
 
 def on_outline(surface: Surface, faces: np.ndarray) -> np.ndarray:

@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
-from tests.surface.angles import angles
+from tests.shapes import corner_angles
 
 TOPOLOGY = {
     "camel_head": (1, 1),
@@ -65,7 +65,7 @@ def test_figures_have_the_topology_of_the_papers_meshes(name):
 @every_figure
 def test_figures_have_even_triangles_as_wide_as_asked(name):
     s = made(name)
-    smallest = angles(s).min(axis=1)
+    smallest = corner_angles(s).min(axis=1)
     assert smallest.min() > 20
     assert np.quantile(smallest, 0.01) > 35
     assert np.median(smallest) > 50
@@ -202,7 +202,7 @@ def test_the_camel_has_even_triangles_at_any_coarseness(coarser):
     """Its lips are 0.03 m apart, its ears 0.12 m thick: edges of 0.06 to 0.12 m leave out what they cannot show."""
     s = SHAPES["camel_head"](edge=coarser * 0.0149)
     assert (len(s.loops), euler_characteristic(s.F, s.edges)) == (1, 1)
-    assert angles(s).min() > 25
+    assert corner_angles(s).min() > 25
     length = edge_lengths(s.V, s.edges.ends)
     assert length.min() / length.max() > 0.33
     assert s.mean_edge == pytest.approx(coarser * 0.0149, rel=0.06)

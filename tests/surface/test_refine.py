@@ -12,18 +12,11 @@ from dsfab.surface import SHAPES, Surface, refined_surface
 from dsfab.surface.orientation import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
-from tests.shapes import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, smallest_angle, sphere, zoo
 
 
 def lengths(surface: Surface) -> np.ndarray:
     return np.linalg.norm(np.diff(surface.V[surface.edges.ends], axis=1)[:, 0], axis=1)
-
-
-def smallest_angle(surface: Surface) -> float:
-    P = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    cosine = np.einsum("mia,mia->mi", u, v) / np.linalg.norm(u, axis=2) / np.linalg.norm(v, axis=2)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1)).min()))
 
 
 def check_same_surface(old: Surface, new: Surface) -> None:

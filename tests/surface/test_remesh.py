@@ -18,18 +18,10 @@ from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
 from tests.canopy import canopy
 from tests.meshes import mesh_file
-from tests.shapes import ZOO, annulus, folded, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, annulus, folded, grid, jittered, smallest_angle, sphere, zoo
 from tests.surface.needles import check_kept, cone_of_needles, farthest, samples
 
 ROOT = Path(__file__).resolve().parents[2]
-
-
-def smallest_angle(surface: Surface) -> float:
-    """Degrees."""
-    P = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    angles = np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), np.einsum("mci,mci->mc", u, v))
-    return float(np.degrees(angles.min()))
 
 
 # --- closed forms

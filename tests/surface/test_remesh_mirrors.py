@@ -6,9 +6,9 @@ from scipy.spatial import cKDTree
 
 from dsfab.surface import SizeField, Surface, mirror, remeshed_surface
 from dsfab.surface.remesh.mirrors import Chamber, Mirrors
-from dsfab.surface.remesh.remeshing import SHARP_ANGLE, _smallest_angle
+from dsfab.surface.remesh.remeshing import SHARP_ANGLE
 from dsfab.surface.remesh.smoothing import NearestOnSurface
-from tests.shapes import grid, jittered, sphere
+from tests.shapes import grid, jittered, smallest_angle, sphere
 from tests.surface.needles import check_kept, cone_of_needles
 
 DIAGONAL = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
@@ -93,7 +93,7 @@ def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
     tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
     assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
-    assert _smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
+    assert smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
 
 
 def test_a_side_is_cut_out_along_the_planes():
