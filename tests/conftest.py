@@ -91,3 +91,16 @@ def inspected_pieces(monkeypatch):
     monkeypatch.setattr(reports, "_records", said)
     monkeypatch.setattr(reports, "occt_report", drawn)
     return found
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """A machine that draws no pictures of builds, because they take seconds and other tests draw them."""
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
+
+
+@pytest.fixture
+def coarse_proposals(monkeypatch):
+    """Proposed presets with few members, and with as few triangles as draw clean stripes, because numbers take time."""
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)

@@ -381,10 +381,8 @@ def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_build_writes_what_the_command_line_writes(monkeypatch):
+def test_a_build_writes_what_the_command_line_writes(no_pictures):
     import trimesh
-
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         wait(session.jobs, session.ask_solve({}))
@@ -403,7 +401,7 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked at in /proc")
-def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
+def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path, no_pictures):
     """Also the programs that it began, and its temporary files: STEP files are read back by one."""
     pids = tmp_path / "pids"
     deep = (
@@ -412,7 +410,6 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
         f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}} '); time.sleep(600)"
     )
     monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", deep)
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         folder = Path(session._folder.name)
         number = session.ask_build({"export.formats": ["step"]})["job"]
@@ -448,9 +445,8 @@ def alive(pid):
         ("import os; os.abort()", "failed", "ended before its end"),
     ],
 )
-def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
+def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said, no_pictures):
     monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", program)
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])
         assert job.state == state

@@ -25,10 +25,7 @@ STL = {"export.formats": ["stl"]}
 
 
 @pytest.fixture
-def outputs(tmp_path, monkeypatch):
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals):
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 

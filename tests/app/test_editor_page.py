@@ -293,10 +293,9 @@ def test_a_reload_restores_everything(tab, server):
 
 
 @pytest.mark.slow
-def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
+def test_build_and_download_a_solid(tab, tmp_path, no_pictures):
     import trimesh
 
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     tab.run("dsfab.state.set({'pattern.major.frequency': 4, 'pattern.minor.frequency': 4})")  # faces take the time
     solved(tab)
     tab.run("document.getElementById('build').click()")
@@ -504,9 +503,7 @@ def test_stripes_cost_little_more_than_the_plain_mesh(tab):
 
 
 @pytest.mark.slow
-def test_a_mesh_is_dropped_and_its_unit_asked(tab, monkeypatch):
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+def test_a_mesh_is_dropped_and_its_unit_asked(tab, coarse_proposals):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")

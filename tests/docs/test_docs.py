@@ -73,14 +73,12 @@ def rough(tmp_path_factory):
 
 
 @pytest.fixture
-def desk(tmp_path, monkeypatch, rough):
+def desk(tmp_path, monkeypatch, rough, coarse_proposals):
     """A folder with a roof of one's own in it, in millimetres; shipped presets take less time here."""
     for module in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{module}.PRESETS", (rough,))
     hall = barrel_vault(edge=1.2)
     trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 1), (1, 2)])
     monkeypatch.chdir(tmp_path)
     return tmp_path
