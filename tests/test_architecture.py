@@ -312,7 +312,7 @@ def test_threads_of_blas_that_wait_are_told_to_sleep_before_numpy_is_loaded():
         assert done.stdout.split() == ["False", told]
 
 
-def test_what_only_lists_imports_no_library_of_numbers():
+def test_listing_presets_imports_no_numeric_library():
     """`dsfab presets` takes a tenth of the second that the models of presets take, and what these import."""
     code = (
         "import contextlib, sys\n"
@@ -386,7 +386,7 @@ def test_the_top_level_stays_small():
     assert {line.split("/")[0] for line in tracked.splitlines()} == AT_THE_TOP
 
 
-def test_what_users_build_lies_beside_nothing_of_ours():
+def test_the_outputs_folder_tracks_only_its_readme():
     tracked = subprocess.run(["git", "ls-files", "outputs"], cwd=ROOT, capture_output=True, text=True, check=True)
     assert tracked.stdout.split() == ["outputs/README.md"]
 

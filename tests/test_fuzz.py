@@ -17,7 +17,7 @@ SEEDS = sorted(corpus.SEEDS.glob("*/*"))
 
 
 @pytest.mark.parametrize("file", SEEDS, ids=lambda file: f"{file.parent.name}-{file.name}")
-def test_what_once_broke_a_reader_does_so_no_more(file, tmp_path):
+def test_files_that_once_broke_a_reader_no_longer_do(file, tmp_path):
     with ended_if_it_hangs():
         oracles.judge(file.parent.name, file.read_bytes(), tmp_path)
 

@@ -27,7 +27,7 @@ SLOW = (".step", ".stp", ".stpz", ".brep")
 QUICK = ["--set", "surface.edge=0.9", "--format", "stl,ply", "--no-picture"]
 
 
-def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):
+def test_build_writes_all_files_and_prints_a_summary(capsys, tmp_path):
     folder = tmp_path / "out"
     code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
     assert code == 0
@@ -58,7 +58,7 @@ def test_the_written_preset_builds_the_same_bytes(capsys, tmp_path):
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
 
-def test_a_build_takes_the_place_of_the_one_before_and_leaves_what_is_not_its_own(capsys, tmp_path):
+def test_a_build_replaces_the_former_build_and_keeps_files_of_the_user(capsys, tmp_path):
     folder = tmp_path / "out"
     assert run(capsys, "build", DOME_MODES, *QUICK, "-o", str(folder))[0] == 0
     assert run(capsys, "export", str(folder), "--to", "obj")[0] == 0
@@ -113,7 +113,7 @@ def test_materials_are_listed_with_their_values_and_sources(capsys):
     assert "EN 14080" in out
 
 
-def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
+def test_inspect_prints_the_size_and_the_topology_of_a_mesh(capsys, tmp_path):
     file = tmp_path / "box.stl"
     trimesh.creation.box((2000, 1000, 500)).export(file)
     code, out, _ = run(capsys, "inspect", str(file), "--unit", "mm")
@@ -122,7 +122,7 @@ def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
         assert words in out
 
 
-def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(capsys, tmp_path):
+def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tmp_path):
     V = "v 0 0 0\nv 315 0 0\nv 315 236 0\nv 0 236 118\nf 1 2 3\nf 1 3 4\n"
     (tmp_path / "room.obj").write_text(V)
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
@@ -134,7 +134,7 @@ def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(
     assert "likely unit  ft, as the file says\n" in out
 
 
-def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tmp_path, monkeypatch):
+def test_inspect_reads_a_file_once_and_explains_why_it_is_no_manifold(capsys, tmp_path, monkeypatch):
     read, one = [], mesh_files._POLYGONS[".obj"]
     monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
     file = tmp_path / "fan.obj"
@@ -146,7 +146,7 @@ def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tm
     assert len(read) == 1
 
 
-def test_inspect_ends_with_1_for_what_build_refuses_and_tells_what_became_of_the_file(capsys, tmp_path):
+def test_inspect_exits_with_1_for_a_mesh_that_build_refuses_and_lists_repairs(capsys, tmp_path):
     good, far = tmp_path / "good.obj", tmp_path / "far.obj"
     text = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 1 1 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 1 4 5\nf 1 2\n"
     good.write_text(text)
@@ -323,7 +323,7 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
         ("build dome -o a -o b", "-o is there more than once; give it once"),
     ],
 )
-def test_an_option_that_is_there_twice_is_told_with_what_to_write(capsys, words, says):
+def test_a_repeated_option_is_refused_with_the_correct_spelling(capsys, words, says):
     assert main(words.split()) == 2
     assert capsys.readouterr().err == f"dsfab: {says}\n"
 

@@ -143,7 +143,7 @@ def _missing() -> str:
     return ""
 
 
-def test_loads_and_supports_say_where_they_are_and_nothing_that_was_not_given(read):
+def test_the_report_lists_each_load_and_support_with_its_place_and_no_unset_value(read):
     table = read.rows[next(i for i, row in enumerate(read.rows) if "Where and how much" in row) :]
     said = [row[-1] for row in table if row[0].startswith(("Load", "Support"))][:3]
     assert len(said) == 3
@@ -211,7 +211,7 @@ def test_sections_follow_each_other_on_pages(told):
     assert all(len(page.split()) > 60 for page in pages[:-1])
 
 
-def test_words_on_pictures_are_as_high_on_paper_as_those_beside_them():
+def test_letters_on_pictures_have_the_height_of_the_text_of_the_report():
     """Those of load cases beside each other were three points high."""
     from PIL import Image
 
@@ -299,7 +299,7 @@ def test_a_thinner_sheet_that_is_stiffer_is_told_at_other_volumes_too(drafted, c
     assert thinner_sheet_words(replace(found, volumes=[(0.7, stiff)])).startswith("At every share that was tried the")
 
 
-def test_verdicts_follow_what_was_found(compared):
+def test_the_verdict_of_a_report_follows_its_checks(compared):
     found = Findings(compared, [], "")
     assert (found.status, verdict_banner(found).status) == ("pass", "pass")
     assert {one.name: one.status for one in found.checks}["Outline of the members"] == "note"
@@ -321,7 +321,7 @@ def test_verdicts_follow_what_was_found(compared):
     assert "case wind is lost" in verdict_banner(Findings(replace(compared, design=lost), [], "")).text
 
 
-def test_stress_and_displacement_are_shown_of_the_cases_in_which_they_are_the_largest(compared):
+def test_pictures_show_the_load_case_with_the_largest_stress_or_displacement(compared):
     """Not of the one that takes the most work, and the table says of which."""
     judged = compared.design.judgement
     most = judged.cases["load"]
@@ -407,7 +407,7 @@ def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("loose", "drawn"), [("drop", True), ("refuse", False)])
-def test_what_cannot_be_cut_or_is_a_mechanism_fails_and_is_told(tmp_path, monkeypatch, loose, drawn):
+def test_a_competitor_that_is_a_mechanism_or_has_no_cut_fails_with_a_reason(tmp_path, monkeypatch, loose, drawn):
     def mechanism(task, structure, *_, **__):
         if structure.cells is not structure.sheet:
             raise StaticsError("the sheet is a mechanism: it turns about a hinge")

@@ -139,7 +139,7 @@ def test_every_number_of_the_pattern_has_a_control():
             where = where[part]
 
 
-def test_what_is_packed_comes_out_again():
+def test_a_packed_message_unpacks_to_the_same_arrays():
     given = {"a": np.arange(5.0).reshape(5, 1), "b": np.array([True, False, True]), "c": np.arange(6).reshape(2, 3)}
     facts, arrays = unpacked(pack_message({"name": "ü"}, given))
     assert facts["name"] == "ü"
@@ -209,7 +209,7 @@ def test_colour_scales_have_64_steps():
 # --- jobs
 
 
-def test_a_job_tells_its_way_and_its_end():
+def test_a_job_reports_its_progress_and_its_end():
     with Jobs() as jobs:
         news = jobs.add_listener()
         number = jobs.submit("solve", lambda progress: progress("statics", "solving") or {"answer": 42})
@@ -348,7 +348,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
         assert unpacked(session.model(sketch["version"]))[0]["whole"]
 
 
-def test_what_cannot_be_is_refused_in_a_sentence():
+def test_a_value_out_of_range_is_refused_in_one_sentence():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
@@ -445,7 +445,7 @@ def alive(pid):
         ("import os; os.abort()", "failed", "ended before its end"),
     ],
 )
-def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said, no_pictures):
+def test_a_failed_build_reports_its_cause(monkeypatch, caplog, program, state, said, no_pictures):
     monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", program)
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])
@@ -454,7 +454,7 @@ def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said, no_
         assert not list(Path(session._folder.name).rglob("*"))
 
 
-def test_a_draft_comes_out_of_another_process_as_it_was(dome):
+def test_a_pickled_draft_equals_the_original(dome):
     there = pickle.loads(pickled(dome))
     assert there.preset == dome.preset
     np.testing.assert_array_equal(there.statics.answers.equilibrium.u, dome.statics.answers.equilibrium.u)
@@ -557,7 +557,7 @@ def ask(server, method, path, body=None, **headers):
     return answer.status, dict(answer.getheaders()), content
 
 
-def test_it_answers_itself(server):
+def test_the_server_serves_the_page_with_a_strict_content_policy(server):
     status, headers, content = ask(server, "GET", f"/?token={server.token}", X_Dsfab_Token=None)
     assert status == 200
     assert "script-src 'self' 'nonce-" in headers["Content-Security-Policy"]
@@ -570,7 +570,7 @@ def test_it_answers_itself(server):
     assert ask(server, "GET", "/api/start")[0] == 200
 
 
-def test_it_listens_on_this_machine_alone(server):
+def test_the_server_listens_on_localhost_only(server):
     assert server.server_address[0] == "127.0.0.1"
 
 
@@ -590,7 +590,7 @@ def test_every_file_that_the_page_names_is_there(server):
         assert ask(server, "GET", f"/static/{name}", X_Dsfab_Token=None)[0] == 200, name
 
 
-def test_three_js_is_as_its_authors_published_it():
+def test_the_bundled_three_js_has_the_published_checksums():
     """Of the npm package three 0.187.0; whoever takes another version writes its sums here."""
     known = {
         "vendor/three.core.js": "613e370f76638fdef83926642bf256dc9615684922de1ce1f63a8583e5d78578",
@@ -651,14 +651,14 @@ def test_all_modules_are_asked_for_at_once(server):
         ("PUT", "/api/preset", {"changes": {}}, {}, 501),
     ],
 )  # fmt: skip
-def test_what_is_turned_away(server, method, path, body, headers, status):
+def test_unsafe_requests_are_rejected_with_their_status(server, method, path, body, headers, status):
     got, told, content = ask(server, method, path, body, **headers)
     assert got == status, content
     assert "Access-Control-Allow-Origin" not in told
     assert b"Traceback" not in content
 
 
-def test_a_connection_that_is_reset_is_no_word_on_the_terminal(server, capfd, monkeypatch):
+def test_a_reset_connection_prints_nothing_on_the_terminal(server, capfd, monkeypatch):
     ended, shut_down = queue.Queue(), server.shutdown_request
     monkeypatch.setattr(server, "shutdown_request", lambda request: ended.put(shut_down(request)))
     for sent in (b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /api/open HTTP/1.1\r\nContent-Length: 99\r\n\r\n{"):
@@ -685,7 +685,7 @@ def test_ctrl_c_ends_it_cleanly():
     assert said == ""
 
 
-def test_a_port_in_use_is_told(server, capsys):
+def test_a_port_in_use_is_reported(server, capsys):
     from dsfab.app.cli import main
 
     assert main(["edit", DOME_MODES, "--no-open", "--port", str(server.server_address[1])]) == 1

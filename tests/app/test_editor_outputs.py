@@ -82,7 +82,7 @@ def test_a_build_goes_into_the_folder_of_its_name_and_asks_first(outputs):
         assert "job" in session.ask_build({**STL, "name": "hut"}, replace=True)
 
 
-def test_one_file_is_told_as_one(outputs):
+def test_one_file_is_counted_in_the_singular(outputs):
     (outputs.home / "hut").mkdir(parents=True)
     (outputs.home / "hut" / "a").touch()
     builds = Builds(outputs, outputs.home)
@@ -188,7 +188,7 @@ def test_the_copied_command_works_when_pasted(tab, outputs):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_another_run_built_is_asked_about(tab, outputs):
+def test_the_editor_asks_before_it_replaces_a_build_of_another_run(tab, outputs):
     (outputs.home / "hut").mkdir(parents=True)
     (outputs.home / "hut" / "hut.stl").write_text("of before")
     assert tab.run("document.getElementById('place').textContent") == "outputs/"
@@ -214,7 +214,7 @@ def test_what_another_run_built_is_asked_about(tab, outputs):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
+def test_an_opened_preset_fills_the_picture_at_any_size(tab):
     """From a dome of 14 m to a roof of 0.9 m, and back; the eye of the one is no eye for the other."""
     share = "(() => { const { seen } = dsfab.viewer.mask(); return seen.reduce((a, b) => a + b, 0) / seen.length; })()"
     dsfab = "dsfab.views.view({layers: ['sheet']}); new Promise(done => setTimeout(done, 400))"  # eyes are remembered

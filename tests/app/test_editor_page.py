@@ -75,7 +75,7 @@ def test_a_slider_changes_the_picture_in_one_frame(tab):
     assert tab.run(SEEN) == pytest.approx(more, rel=0.01)  # what the server made of it looks the same
 
 
-def test_what_was_measured_is_shown_even_where_it_comes_before_the_picture(tab):
+def test_measured_values_appear_even_if_they_arrive_before_the_picture(tab):
     tab.run(
         "window.plainFetch = window.fetch; window.fetch = async (path, ...more) => {"
         "if (path.startsWith('/api/model')) while (dsfab.told?.draft !== window.wanted) "
@@ -147,14 +147,14 @@ def test_parallel_keeps_the_size(tab):
 
 
 @pytest.mark.slow
-def test_a_section_leaves_half_of_it(tab):
+def test_a_section_hides_half_of_the_sheet(tab):
     tab.run("dsfab.views.look('top'); dsfab.views.view({layers: ['sheet']})")
     before = tab.run(SEEN)
     tab.run("dsfab.views.view({section: ['x', 0]})")
     assert tab.run(SEEN) == pytest.approx(before / 2, rel=0.05)
 
 
-def test_pick_a_support_and_it_is_solved(tab):
+def test_a_picked_support_starts_a_new_solution(tab):
     tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=spot]').click()")
     tab.run("dsfab.views.view({layers: ['sheet']})")
     highest = "Math.max(...dsfab.model.arrays.supports.filter((_, i) => i % 3 === 2))"
@@ -221,7 +221,7 @@ def test_springs_and_lines_in_a_case_of_their_own(tab):
 
 
 @pytest.mark.slow
-def test_why_a_build_is_refused_is_seen_without_a_click(tab):
+def test_the_reason_of_a_refused_build_is_visible_without_a_click(tab):
     """It stood among the notes, which are closed."""
     seen = "(box => !box.hidden && box.checkVisibility() && box.textContent)(document.getElementById('refused'))"
     assert tab.run(seen) is False
@@ -324,7 +324,7 @@ def test_a_build_can_be_cancelled(tab, monkeypatch):
     assert tab.run("document.getElementById('progress').hidden")
 
 
-def test_what_cannot_be_is_said_and_can_be_undone(tab):
+def test_an_invalid_value_shows_a_notice_and_undo_restores_the_former_value(tab):
     type_into(tab, "diffusion-r", "0.5")
     said = until(tab, "document.getElementById('notice').textContent")
     assert "diffusion.r" in said
@@ -416,7 +416,7 @@ CONTRAST = """(() => {
 
 
 @pytest.mark.slow
-def test_it_fits_a_telephone(tab):
+def test_the_page_fits_a_telephone(tab):
     tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
     try:
         assert tab.run("document.documentElement.scrollWidth <= 390")
@@ -503,7 +503,7 @@ def test_stripes_cost_little_more_than_the_plain_mesh(tab):
 
 
 @pytest.mark.slow
-def test_a_mesh_is_dropped_and_its_unit_asked(tab, coarse_proposals):
+def test_the_page_asks_for_the_unit_of_a_dropped_mesh(tab, coarse_proposals):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")

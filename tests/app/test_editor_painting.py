@@ -135,7 +135,7 @@ def test_a_ball_is_solid_and_drawn_as_such_without_anything_kept(tab):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_counts_vertices_is_told_by_places_where_regions_cut(tab):
+def test_picked_vertices_become_nearest_points_where_regions_cut_the_mesh(tab):
     tab.run("dsfab.state.set({'pattern.region': [{at: {pick: 'ball', center: [0, 0, 4], radius: 1}, do: 'keep'}]})")
     solved(tab)
     picked = tab.run("dsfab.picking.lasting({pick: 'vertices', indices: [1, 2]}, [1, 2])")

@@ -71,7 +71,7 @@ def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
     assert not arrays["half"][dome.pattern.even.chart.scale == 0].any()
 
 
-def test_controls_say_which_method_takes_them(dome):
+def test_each_control_names_the_pattern_method_that_uses_its_key(dome):
     table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
     assert table["pattern.method"]["choices"] == ("modes", "stripes", "auto")
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
@@ -102,7 +102,7 @@ def test_a_family_that_is_not_drawn_has_no_width_in_the_page():
     assert arrays["half"][:, 1].max() > 0.05
 
 
-def test_what_the_page_saves_has_its_guides():
+def test_a_saved_preset_keeps_its_guides():
     """No control shows them: a change of anything else leaves them as the preset has them."""
     guides = [
         {"curve": [[0, 0, 4], [3, 1, 3]], "reach": 1.5, "weight": 3.0},
@@ -289,7 +289,7 @@ def test_each_method_shows_its_own_controls(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
+def test_picking_returns_a_vertex_of_the_uncut_surface(page, dome):
     """The vertex next to a place, one of the free edge, and a ball, all counted on the surface that presets mean."""
     centre = np.array(page.run("dsfab.model.facts.centre"))
     V = dome.surface.V - centre

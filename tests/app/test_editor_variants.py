@@ -41,7 +41,7 @@ def test_variants_are_kept_in_order_and_named(opened):
             act(1)
 
 
-def test_what_is_no_variant_is_refused(opened, monkeypatch):
+def test_an_invalid_variant_is_refused(opened, monkeypatch):
     kept = VariantTray()
     with pytest.raises(PresetError, match="threshold"):
         kept.keep(KeptVariant("", opened, {"pattern.major.threshold": 7}))
@@ -54,7 +54,7 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
         kept.keep(KeptVariant("", opened, {}))
 
 
-def test_what_differs_is_told_by_its_keys():
+def test_variants_list_the_keys_in_which_they_differ():
     one = load_preset(DOME_MODES, COARSE)
     other = with_overrides(
         one, {**WIDE, "name": "other", "statics.thickness": 0.1, "surface.load": [{"kind": "self_weight"}]}

@@ -35,7 +35,7 @@ def header(path: Path) -> str:
         (["cantilever", *CANTILEVER, "--sheet", "cut"], 1e-3),
     ],
 )
-def test_the_file_runs_as_it_is_and_finds_what_its_header_says(arguments, within, capsys, tmp_path):
+def test_the_calculix_file_runs_and_gives_the_figures_of_its_header(arguments, within, capsys, tmp_path):
     path = tmp_path / "model.inp"
     code, said, _ = run(capsys, "export", *arguments, "--to", "calculix", "-o", str(path))
     assert code == 0
@@ -215,7 +215,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_cannot_be_written_is_told_before_any_work(capsys, tmp_path, monkeypatch, command):
+def test_an_impossible_format_is_refused_before_any_work(capsys, tmp_path, monkeypatch, command):
     def worked(*_):
         raise AssertionError("it worked first")
 

@@ -146,7 +146,7 @@ def test_a_load_on_held_vertices_only_is_not_drawn() -> None:
     assert len(vertices) == len(faces) == 0
 
 
-def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
+def test_a_few_arrows_stand_for_the_sum_of_hundreds_of_loads() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
     free = ~load.supported
@@ -161,7 +161,7 @@ def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_an_arrow_that_presses_ends_on_the_skin_and_one_that_pulls_begins_there(turned: bool) -> None:
+def test_a_pressing_arrow_ends_on_the_skin_and_a_pulling_arrow_begins_on_it(turned: bool) -> None:
     """Above the sheet, also if its faces look down, as those of files may: arrows hung under a stadium's roof."""
     surface = plate(length=2.0, width=1.0, edge=0.1)
     surface = Surface(surface.V, surface.F[:, ::-1]) if turned else surface
@@ -196,7 +196,7 @@ def test_a_person_is_1_75_metres_tall() -> None:
     assert F.max() < len(V)
 
 
-def test_a_tree_stands_on_its_foot_as_tall_as_it_is_said_to_be() -> None:
+def test_a_drawn_tree_has_the_asked_height_and_stands_on_its_foot() -> None:
     """And keeps left of the structure, which a person would stand right of."""
     V, F = tree(np.array([3.0, 2.0, 1.0]), Y, 6.0)
     assert (V[:, 1].min(), V[:, 1].max()) == pytest.approx((2.0, 8.0))
@@ -234,7 +234,7 @@ def test_a_person_stands_beside_what_has_the_size_of_a_building(radius: float, d
     assert ((image[:, :, 2] - image[:, :, 1] > 80).sum() > 100) == drawn
 
 
-def test_up_is_z_unless_the_loads_say_that_it_is_y() -> None:
+def test_the_up_axis_is_z_unless_the_weight_acts_along_y() -> None:
     ball = sphere(radius=1.0, edge=0.3)
     np.testing.assert_array_equal(up_axis(ball.V, None, None), Z)
     np.testing.assert_array_equal(up_axis(ball.V, ball, weighed(ball, low(ball))), Z)
@@ -300,7 +300,7 @@ def test_backs_are_left_away_only_of_a_closed_skin_that_faces_outward() -> None:
     assert encloses == [True, False, False]
 
 
-def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:
+def test_the_drawn_outline_and_depth_of_a_ball_agree_with_geometry() -> None:
     """Depth of the nearest point = distance - radius; outline = tan(asin(r / d)) of the half angle."""
     opengl.require_rendering()
     ball = sphere(radius=1.0, edge=0.05)
@@ -431,7 +431,7 @@ def asked_anew(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 
 @pytest.mark.parametrize("crash", ["import os; os.abort()", "raise SystemExit(3)"])
-def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
+def test_a_machine_without_opengl_names_the_packages_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", crash])
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:

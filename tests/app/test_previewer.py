@@ -78,7 +78,7 @@ CHANGES = [
 
 
 @pytest.mark.slow
-def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
+def test_a_changed_previewer_draws_the_same_picture_as_a_new_one(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         actors = list(previewer._scene.actors)
@@ -390,7 +390,7 @@ def test_banded_colours_are_steps_from_end_to_end() -> None:
     assert not (steps[199] == steps[200]).all()  # tension and compression do not share a band
 
 
-def test_reactions_push_where_they_push(dome: Design) -> None:
+def test_arrows_of_reactions_act_at_the_supports(dome: Design) -> None:
     surface, load = dome.surface, dome.load
     reaction = dome.statics.equilibrium.reaction
     V, F = reaction_arrows(surface, load, reaction, 10.0)

@@ -74,7 +74,7 @@ CHANGES = [
 
 
 @pytest.mark.slow
-def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
+def test_a_changed_previewer_draws_the_same_stripes_as_a_new_one(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         for changes in CHANGES:
@@ -111,7 +111,7 @@ def words(path: Path, *more: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_be(
+def test_preview_shows_the_built_design_or_the_uncut_design_if_no_cut_is_possible(
     dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
@@ -167,7 +167,7 @@ def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
     assert np.percentile(np.abs(one - two)[both], 99.9) <= 1
 
 
-def test_what_is_on_no_mode_shows_none(dome: Design) -> None:
+def test_a_design_without_modes_refuses_to_show_a_mode(dome: Design) -> None:
     with pytest.raises(DsfabError, match="run along no mode"):
         Previewer(dome, show="major_mode")
     assert "major_mode" not in picture_names("all", dome.preset)

@@ -132,7 +132,7 @@ def test_the_rows_are_those_of_the_papers_tables(folder, name):
 
 
 @pytest.mark.parametrize("name", TWO)
-def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command(folder, name):
+def test_the_page_shows_each_figure_in_three_renditions_with_measures_and_commands(folder, name):
     page = Page(folder)
     measured = page.sections[name][1:4]
     assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
@@ -159,7 +159,7 @@ def test_pictures_differ_and_are_all_there(folder):
     assert len(seen) >= len(list(folder.glob("*.webp"))) - 4
 
 
-def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkeypatch):
+def test_a_mesh_that_is_too_coarse_is_refined_and_reported(tmp_path, monkeypatch):
     """No edge over 0.1 m is taken: 0.19 m becomes 0.8 of it, three times."""
 
     def fussy(preset, *arguments, **others):
@@ -182,7 +182,7 @@ def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkey
 
 
 @pytest.mark.slow
-def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
+def test_a_failed_figure_is_reported_in_its_section_and_old_files_are_removed(tmp_path, capsys, monkeypatch):
     def failing(preset, *arguments, **others):
         if preset.name == "sphere":
             raise DsfabError("the sphere <rolled> away")
@@ -321,7 +321,7 @@ def test_gradient_arrows_lie_along_the_gradient_on_the_side_that_is_seen(degrees
     assert [len(part) for part in gradient_arrows(surface, 0 * gradient, 1.0, 0.01, eye)] == [0, 0]
 
 
-def test_the_gradient_of_a_mode_is_exact_where_it_is_linear():
+def test_the_gradient_of_a_linear_mode_is_exact():
     surface = grid(6, 4, 3.0, 2.0)
     value = surface.V @ [2.0, -3.0, 0.0]
     family = SimpleNamespace(mode=lambda number: number * value)
@@ -398,7 +398,7 @@ def claim(*values):
     return [{"volume": 0.5, "reason": "why", "error": "", **dict(zip(keys, one, strict=True))} for one in values]
 
 
-def test_the_claim_is_told_whoever_wins_and_what_is_not_known_is_said():
+def test_the_claim_section_names_the_winner_and_unknown_results():
     design, row = ("design", 0.004, 0.01, "pass"), ("row", None, None, "fail")
     text = claim_section(claim(design, row, ("isotropic", 0.02, 0.08, "unknown"), ("thinner", 0.00404, 0.01, "pass")))
     assert "Tuned modes and phases, graded widths against the best isotropic stripes: 5 times as stiff at 50%." in text

@@ -236,12 +236,12 @@ def test_questions_that_a_sweep_cannot_answer(here, capsys):
         ("a.b,c.d=1,2;5,3", {}, [{"a.b": [1, 2], "c.d": [5, 3]}]),
     ],
 )
-def test_what_vary_means(text, vary, linked):
+def test_vary_reads_ranges_lists_and_linked_keys(text, vary, linked):
     assert vary_tables([text]) == (vary, linked)
 
 
 @pytest.mark.parametrize("text", ["a.b", "a.b=", "=1", "a.b=1:2:3:4", "a.b=x:y", "a,b=1,2", "a,b=1;2;3"])
-def test_what_vary_cannot_mean(text):
+def test_vary_refuses_malformed_texts(text):
     with pytest.raises(DsfabError, match="--vary"):
         vary_tables([text])
 

@@ -103,7 +103,7 @@ def shown(tab) -> int:
 
 
 @needs_browser
-def test_it_begins_with_the_best_and_shows_what_failed(tab):
+def test_the_page_selects_the_best_run_and_counts_failed_runs(tab):
     assert tab.run("document.getElementById('title').textContent") == "dome_modes"
     line = tab.run("document.getElementById('line').textContent")
     assert line == "5000 runs: 4900 done, 100 failed; 4400 meet pieces == 1"
@@ -139,7 +139,7 @@ def test_brushing_an_axis_selects(tab):
 
 
 @needs_browser
-def test_runs_that_failed_cannot_be_brushed_by_what_they_lack(tab):
+def test_brushing_a_metric_hides_failed_runs_without_this_metric(tab):
     parallel = box(tab, "parallel")
     i = tab.run("axes.findIndex((one) => one.name === 'compliance')")
     x, top, bottom = tab.run(f"[layout.x[{i}], layout.top, layout.bottom]")

@@ -51,7 +51,7 @@ def test_lines_do_not_cross():
         assert abs(columns.mean() - (80 + 120 * k)) < 20
 
 
-def test_what_is_marked_is_what_was_measured(cantilever):
+def test_the_callouts_mark_the_measured_places(cantilever):
     made = fabrication(cantilever)
     found = {one.lines[0].rsplit(" ", 3)[-3]: one for one in callouts(made, PAPER)}
     assert set(found) == {"member", "gap", "edge", "wall"}
@@ -75,7 +75,7 @@ def test_missed_limits_are_red_in_words_too(cantilever):
     assert clear[120, 2, 3] == 0
 
 
-def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
+def test_preview_shows_fabrication_and_explains_a_refusal(capsys, tmp_path):
     words = ["preview", "cantilever", "--set", "surface.edge=0.08", "--size", "320x240", "-o"]
     assert main([*words, str(tmp_path / "a.png"), "--show", "fabrication"]) == 0
     with Image.open(tmp_path / "a.png") as picture:
@@ -86,7 +86,7 @@ def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, tmp_path, monkeypatch):
+def test_the_preview_of_a_built_folder_goes_into_it_without_new_computation(capsys, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     assert (
         main(["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]) == 0
@@ -106,7 +106,7 @@ def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, t
 
 
 @pytest.mark.slow
-def test_build_and_inspect_draw_it_when_asked(capsys, tmp_path):
+def test_build_and_inspect_draw_the_marked_picture_on_request(capsys, tmp_path):
     folder = tmp_path / "out"
     words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "--marked"]
     assert main([*words, "-o", str(folder)]) == 0

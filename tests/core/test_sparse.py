@@ -266,7 +266,7 @@ def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
     assert_allclose(iterative.solve(b), expected, atol=1e-7 * np.abs(expected).max())
 
 
-def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
+def test_multigrid_raises_an_error_if_it_does_not_converge(monkeypatch):
     pytest.importorskip("pyamg", reason="the optional solver is not installed")
     surface, K, held = held_dome(24)
     factor = stiffness_factor(surface, K, held)

@@ -24,7 +24,7 @@ from tests.presets import DOME_MODES
 from tests.shapes import ZOO, grid, sphere, zoo
 
 
-def test_names_of_a_preset_come_back_and_stand_for_what_has_none():
+def test_names_of_loads_and_supports_survive_and_unnamed_ones_get_a_default():
     preset = load_preset("snow_vault", {"surface.support.0.name": "Kämpfer", "surface.load.1.name": "snow, all over"})
     assert preset_from(tomllib.loads(preset_toml(preset))) == preset
     assert support_names((*preset.surface.support, Support(Boundary()))) == ["Kämpfer", "support 2"]
@@ -61,7 +61,7 @@ def design_of_plate(supports, loads, **statics):
     return Design.from_preset(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
 
 
-def test_a_support_says_what_it_holds_and_its_share_of_the_load():
+def test_the_entry_of_a_support_lists_its_directions_and_its_share_of_the_load():
     """A line of 30 N at a quarter of the span of a bridge: three quarters of it go to the near end."""
     ends = Support(Side("x", "min"), name="near"), Support(Side("x", "max"), hold="z", spring=(5.0, 0, 0))
     design = design_of_plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
@@ -87,7 +87,7 @@ def test_a_support_says_what_it_holds_and_its_share_of_the_load():
         (Vertices((4,)), 0.0, 0.0),
     ],
 )
-def test_what_is_held_is_measured_along_edges_and_over_faces(at, length, area):
+def test_the_entry_of_a_support_measures_its_length_and_its_area(at, length, area):
     (entry,) = support_entries(PLATE, [Support(at)])
     assert entry.length == pytest.approx(length)
     if area is not None:
@@ -110,7 +110,7 @@ def test_the_shares_of_all_supports_are_one(name):
     assert_allclose(total, -design.load.force.sum(axis=0), atol=1e-5 * np.abs(design.load.force).sum())
 
 
-def test_a_load_says_its_sum_and_where_it_acts():
+def test_the_entry_of_a_load_lists_its_sum_and_its_place():
     slope = Surface(np.c_[PLATE.V[:, :2], PLATE.V[:, 0]], PLATE.F)  # at 45 degrees
     loads = [
         Snow(800.0, name="white"),
@@ -236,7 +236,7 @@ def test_a_sheet_that_stands_on_one_vertex_is_not_cut():
     assert said.startswith("100% of the reaction is on one vertex, at (1, 0.25, 0) m (mast): let the support pick")
 
 
-def test_supports_of_a_point_or_two_are_told_if_they_carry():
+def test_supports_at_one_or_two_points_that_carry_load_give_a_note():
     """Corners of a plate; the last one only keeps it from turning."""
     corners = [Support(Nearest(((0, 0, 0), (0, 0.5, 0))), "xyz"), Support(Nearest(((2, 0, 0),)), "z", name="post")]
     design = design_of_plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
@@ -280,13 +280,13 @@ def test_a_load_that_the_supports_take_is_told():
     ((0,), r"can turn about .*: the supports hold only 1 vertex of it, at \[0\.0, 0\.0, 0\.0\] m; let them pick more"),
     ((0, 24), r"can turn about .*: the supports hold only 2 vertices of it, at \[0\.0, 0\.0, 0\.0\] and \[2\.0, "),
 ])  # fmt: skip
-def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
+def test_a_surface_held_at_one_or_two_points_is_refused_with_advice(indices, says):
     with pytest.raises(StaticsError, match=says) as caught:
         _ = design_of_plate([Support(Vertices(indices))], [SelfWeight()]).statics
     assert str(caught.value).count("turn about x") <= 1
 
 
-def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
+def test_a_build_computes_load_facts_once_and_prints_the_written_files(monkeypatch, tmp_path, capsys):
     asked, one = [], inspection.load_facts
     for module in (inspection, design_facts):
         monkeypatch.setattr(module, "load_facts", lambda *given: asked.append(given) or one(*given))

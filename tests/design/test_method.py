@@ -33,7 +33,7 @@ def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", PLATE))
 
 
-def test_all_are_told_and_the_best_is_taken(chosen):
+def test_auto_lists_all_attempts_and_takes_the_best(chosen):
     tried = chosen.pattern.attempts
     assert {one.name for one in tried} >= {
         f"{way}, {rule}" for way in ("stripes", "modes") for rule in ("graded", "graded q 0.5")

@@ -88,7 +88,7 @@ def test_stripes_and_their_widths_follow_these_forces(asked):
     assert np.array_equal(again.forces, best.forces)
 
 
-def test_another_share_asks_for_other_stripes_where_forces_hang_on_it(asked):
+def test_another_solid_fraction_changes_the_stripes_only_for_optimal_forces(asked):
     more = asked.pattern.width.model_copy(update={"solid_fraction": 0.6})
     for forces, same in (("optimal", False), ("uncut", True)):
         before = asked.pattern.model_copy(update={"forces": forces})
@@ -103,13 +103,13 @@ def test_another_share_asks_for_other_stripes_where_forces_hang_on_it(asked):
         ({"pattern.forces": "best"}, "pattern.forces = 'best'"),
     ],
 )
-def test_what_cannot_be_is_refused(changes, says):
+def test_optimal_forces_refuse_incompatible_options(changes, says):
     with pytest.raises(PresetError) as refused:
         dsfab.load_preset("cantilever", {**STRIPES, "pattern.forces": "optimal", **changes})
     assert says in str(refused.value)
 
 
-def test_where_bending_is_followed_it_is_refused():
+def test_optimal_forces_are_refused_together_with_layers_in_bending():
     keys = {"surface.edge": 1.0, "pattern.forces": "optimal", "statics.stress": "layers"}
     made = Design.from_preset(dsfab.load_preset("slab", keys))
     statics = made.statics

@@ -219,7 +219,7 @@ def test_a_thick_sheet_is_told(tmp_path):
 
 
 @pytest.mark.parametrize(("share", "says"), [(1 - 4e-8, "solved to 4.0e-08"), (1 - 4e-9, "")])
-def test_a_rough_solution_is_told_with_its_case_and_a_poor_one_refused(share, says, tmp_path, monkeypatch):
+def test_a_rough_solution_gives_a_note_with_its_case_and_a_poor_one_is_refused(share, says, tmp_path, monkeypatch):
     """A solver that is off by d leaves an error of d on a machine that has no longer numbers to refine with."""
     factorise = factorisation.factorise
     monkeypatch.setattr(factorisation, "REFINEMENTS", 0)

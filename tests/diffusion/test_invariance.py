@@ -97,7 +97,7 @@ def test_where_the_design_is_symmetric_the_picture_turns_up_to_that_symmetry(tur
         assert min(np.abs(after[image] - before).max() for image in images) < 1e-6
 
 
-def test_repeated_eigenvalues_take_their_basis_from_what_turns_with_the_surface():
+def test_the_basis_of_a_repeated_eigenvalue_follows_the_load():
     """lambda = 2 on the unit sphere three times: the first mode points along the load, wherever that is."""
     ball = sphere(4)
     L = diffusion_operator(ball, diffusion_tensors(ball, np.zeros((ball.m, 3, 3))).major)

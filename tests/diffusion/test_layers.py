@@ -60,7 +60,7 @@ def test_axes_have_the_least_shear_and_sizes_are_root_mean_squares(flat, bent):
 
 @settings(max_examples=40, deadline=None)
 @given(PLANE, PLANE, st.integers(0, 10**6), st.floats(1e-3, 1e6))
-def test_it_turns_with_the_sheet_and_changes_with_sign_and_unit(flat, bent, seed, unit):
+def test_layer_stress_turns_with_the_sheet_and_scales_with_sign_and_unit(flat, bent, seed, unit):
     membrane, bending = in_space(TRIANGLE, *flat), in_space(TRIANGLE, *bent)
     found = layer_stress(TRIANGLE, membrane, bending)
     scale = np.abs(membrane).max() + np.abs(bending).max()
@@ -181,7 +181,7 @@ def test_a_square_plate_is_followed_along_naviers_moments():
 
 
 @pytest.mark.slow
-def test_a_pipe_is_bent_along_it_at_its_clamped_edge_and_pulled_around_it_elsewhere():
+def test_a_clamped_pipe_bends_along_its_axis_at_the_edge_and_has_hoop_tension_elsewhere():
     """With b^4 = 3 (1 - nu^2) / (R h)^2, x from the edge: M = p / (2 b^2) e^(-bx) (cos bx - sin bx) along the pipe and
     N = p R (1 - e^(-bx) (cos bx + sin bx)) around it [Timoshenko and Woinowsky-Krieger 1959, art. 114]."""
     R, H, h = 1.0, 2.0, 0.05

@@ -69,7 +69,7 @@ def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_sti
     assert all(np.abs(every.lam / value - 1).min() < 1e-2 for value in modes.lam)
 
 
-def test_coordinates_that_a_file_rounds_leave_a_mesh_as_symmetric_as_it_was():
+def test_rounded_coordinates_keep_the_symmetry_of_a_mesh():
     """Images of vertices are vertices still: what is decided at one is decided alike at the other."""
     plate, load = loaded_square()
     off = 2e-5 * plate.mean_edge * np.random.default_rng(1).uniform(-1, 1, plate.V.shape)
@@ -77,7 +77,7 @@ def test_coordinates_that_a_file_rounds_leave_a_mesh_as_symmetric_as_it_was():
     assert all(T.nnz == plate.n and (T.data == 1).all() for T in found.maps)
 
 
-def test_an_uneven_mesh_is_symmetric_to_its_resolution_and_it_gets_better():
+def test_the_symmetry_error_of_an_uneven_mesh_falls_under_refinement():
     off = []
     for cells in (10, 20, 40):
         plate = jittered(grid(cells, cells, 2.0, 2.0))
@@ -136,7 +136,7 @@ def test_a_bridge_is_the_same_left_and_right():
         (["rot:4:z"], 0.5, "the loads are not: their resultants differ"),
     ],
 )
-def test_what_is_not_symmetric_is_refused_with_what_is_off(words, shift, says):
+def test_an_asymmetric_plate_is_refused_with_the_reason(words, shift, says):
     plate, load = loaded_square()
     with pytest.raises(PatternError, match=says):
         symmetry_of(plate, words, eccentric(load, plate, shift) if shift else load)

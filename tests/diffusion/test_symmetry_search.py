@@ -101,7 +101,7 @@ def test_a_plate_in_its_own_plane_is_its_own_mirror_image():
     assert len(group(square, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 16
 
 
-def test_what_has_no_symmetry_has_none():
+def test_an_irregular_surface_has_no_symmetry():
     surface = irregular()
     assert largest_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)]) is None
 
@@ -124,14 +124,14 @@ def test_maps_are_those_of_the_group():
 # --- what breaks it
 
 
-def test_supports_break_it():
+def test_supports_reduce_the_symmetry():
     surface = grid(12, 8, 3.0, 2.0)
     assert len(group(surface, pressed(surface, surface.V[:, 0] < 1e-9))) == 2
     corner = (surface.V[:, 0] < 1e-9) & (surface.V[:, 1] < 0.6)
     assert len(group(surface, pressed(surface, corner))) == 1
 
 
-def test_loads_break_it():
+def test_loads_reduce_the_symmetry():
     surface = grid(12, 12, 2.0, 2.0)
     whole = pressed(surface)
     for at, order in (((1.5, 1.0), 2), ((1.5, 1.5), 2), ((1.5, 1.2), 1), ((1.0, 1.0), 8)):

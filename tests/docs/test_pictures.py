@@ -43,14 +43,14 @@ def test_pages_show_nothing_else():
 
 
 @pytest.mark.parametrize("name", [name for name in make.DESIGNS if name != "figurine"])
-def test_what_a_design_of_the_gallery_is_drawn_from_is_there(name):
+def test_the_input_files_of_each_gallery_design_exist(name):
     """Built are most of them elsewhere; here each is at least read, as `make` reads it. Bob's mesh lies apart."""
     preset, changes = make.DESIGNS[name]
     given = dsfab.preset_for(preset) if Path(preset).suffix == ".obj" else dsfab.load_preset(preset, changes)
     assert given.statics.thickness > 0
 
 
-def test_options_side_by_side_are_told_as_they_are_set():
+def test_the_caption_of_each_option_names_all_changed_keys():
     """Each is a preset, none is another one, and its words name every key that was changed, or the method."""
     presets = {words: dsfab.load_preset("dome", changes) for words, changes in make.OPTIONS.items()}
     assert len({preset.model_dump_json() for preset in presets.values()}) == len(make.OPTIONS) == 6

@@ -31,7 +31,7 @@ def test_a_value_agrees_that_rounds_to_what_is_quoted_or_is_near(digits, found, 
 
 
 @pytest.mark.parametrize(("found", "status"), [(5.9, 0), (6.5, 1)])
-def test_what_is_off_is_told(found, status, monkeypatch, capsys):
+def test_a_quoted_figure_that_differs_is_reported(found, status, monkeypatch, capsys):
     """And what takes minutes is left out, unless it is asked for."""
     quick = Quoted(quoted_figures.CASES, "ribs", WORDS, lambda: found)
     long = Quoted(quoted_figures.CASES, "ribs, long", WORDS, lambda: 1.0 / 0.0, minutes=True)

@@ -74,7 +74,7 @@ def test_the_ridge_alone_is_a_crease():
         assert not crease_edges(SHAPES[name]()).any(), name
 
 
-def test_creases_go_on_to_where_they_meet():
+def test_creases_continue_to_their_common_point():
     """Four of them, in the middle of an umbrella of four shells: faces there have two. They fade towards its edges."""
     x, y = np.meshgrid(np.linspace(-6, 6, 21), np.linspace(-6, 6, 21), indexing="ij")
     a, b = np.abs(x) / 6, np.abs(y) / 6
@@ -150,7 +150,7 @@ def test_a_pointed_vault_is_by_members_where_smooth_rounds_its_ridge(tmp_path):
 
 
 @pytest.mark.parametrize("way", ["quick", "auto"])
-def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path, inspected, inspected_pieces):
+def test_without_a_curved_sheet_step_falls_back_to_facets(way, tmp_path, inspected, inspected_pieces):
     """As of a sheet that crosses itself: what says so ended all ways, facets too."""
 
     def crosses():

@@ -147,7 +147,7 @@ def test_corners_stay_and_closed_lines_close():
     assert {len(c.poles) for c in curves_along(turned, 0.5)} == {len(c.poles) for c in curves_along(drop, 0.5)}
 
 
-def test_what_no_spline_follows_keeps_its_own_points():
+def test_a_rough_curve_keeps_its_own_points():
     rng = np.random.default_rng(0)
     rough = np.c_[np.arange(50.0), 0.2 * rng.random(50), np.zeros(50)]
     (run,) = joined_segments(curves_along(rough, 1e-7))

@@ -69,7 +69,7 @@ def test_members_asked_for_by_name_take_the_time_of_eight_cuts():
     assert 12 < file_size.writing_seconds(unasked, "members", 5051) < 48
 
 
-def test_estimates_say_what_cannot_be_and_what_is_too_much():
+def test_estimates_name_impossible_ways_and_ways_over_the_budget():
     found = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=500))}
     assert "not flat" in found["planar"].refused
     assert found["faceted"].chosen
@@ -81,7 +81,7 @@ def test_estimates_say_what_cannot_be_and_what_is_too_much():
     assert not any(one.chosen for one in small.values())
 
 
-def test_simplified_solids_are_closed_and_as_near_as_they_say():
+def test_simplified_solids_are_closed_and_keep_the_stated_distance():
     part = prepared(finely(torus(48, 24)))
     simple = file_size.simplified_part(part, 5.0)
     assert len(simple.F) < 0.3 * len(part.F)
@@ -102,7 +102,7 @@ def test_distances_between_surfaces_are_measured_both_ways():
     assert file_size.distance(both, np.r_[one.F, one.F + 8], one.V, one.F) == pytest.approx(np.sqrt(75))
 
 
-def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, inspected):
+def test_a_tolerance_simplifies_faceted_files_and_the_note_gives_the_distance(tmp_path, inspected):
     said, solid = [], saddle_solid()
     path = write(solid, tmp_path / "a.step", step=StepOptions("faceted", tolerance=0.01), note=said.append)
     assert path.read_bytes().count(b"=ADVANCED_FACE(") < 0.7 * len(solid.F)
@@ -117,7 +117,7 @@ def test_auto_simplifies_what_is_over_the_budget(tmp_path, inspected):
     assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
-def test_a_tolerance_that_does_not_help_is_said(tmp_path, inspected):
+def test_a_tolerance_without_effect_gives_a_note(tmp_path, inspected):
     said = []
     write(box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
     assert "not simplified, since 'a' does not become simpler within 0.001 mm" in said[0]

@@ -178,7 +178,7 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failu
     [("stl", {}, "12 triangles, volume error"), ("step", {"step": "planar"}, "6 faces, volume error"),
      ("step", {"step": "tessellated"}, "12 triangles, volume error"), ("brep", {}, "6 faces, volume error")],
 )  # fmt: skip
-def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path, inspected, suffix, how, holds):
+def test_the_report_gives_path_size_and_volume_error_of_each_file(tmp_path, inspected, suffix, how, holds):
     done: list[Written] = []
     path = write(box(), tmp_path / f"a.{suffix}", report=done.append, **how)
     assert (done[0].path, done[0].size) == (path, path.stat().st_size)
@@ -245,7 +245,7 @@ SPOILT = {
 
 @pytest.mark.parametrize("suffix", [".stl", ".3mf", ".ply", ".obj", ".off", ".glb"])
 @pytest.mark.parametrize("fault", SPOILT)
-def test_a_file_that_says_something_else_is_not_kept(tmp_path, monkeypatch, suffix, fault):
+def test_a_file_that_reads_back_differently_is_removed(tmp_path, monkeypatch, suffix, fault):
     spoil, said = SPOILT[fault]
     form = FORMATS[suffix]
     spoilt = replace(form, encode=lambda part: form.encode(spoil(part)))

@@ -44,13 +44,13 @@ def test_a_new_design_takes_the_place_of_the_old_one_and_of_nothing_else(place):
         assert (place / "theirs" / "photo.png").read_text() == "mine"
 
 
-def test_what_the_user_changed_of_an_old_design_is_the_users_own(place):
+def test_an_old_file_that_the_user_changed_is_kept(place):
     (place / "b.step").write_text("drawn over")
     delivered(place, NEW)
     assert held(place) == {**NEW, **OWN, "b.step": "drawn over"}
 
 
-def test_a_failure_leaves_all_as_it_was(place):
+def test_a_failed_delivery_leaves_the_folder_unchanged(place):
     before = held(place)
 
     def half():
@@ -99,7 +99,7 @@ def test_a_link_to_a_folder_stays_a_link(tmp_path):
     assert held(real) == NEW
 
 
-def test_a_folder_in_which_somebody_stands_stays_that_folder(tmp_path, monkeypatch):
+def test_a_folder_that_is_a_working_directory_is_not_replaced(tmp_path, monkeypatch):
     place = tmp_path / "out"
     delivered(place, OLD)
     monkeypatch.chdir(place)
@@ -109,7 +109,7 @@ def test_a_folder_in_which_somebody_stands_stays_that_folder(tmp_path, monkeypat
     assert place.stat().st_ino == before
 
 
-def test_the_folder_keeps_its_permissions_and_a_new_one_has_the_usual_ones(tmp_path):
+def test_a_replaced_folder_keeps_its_permissions_and_a_new_folder_has_the_default(tmp_path):
     (tmp_path / "usual").mkdir()
     delivered(tmp_path / "out", OLD)
     assert (tmp_path / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
@@ -119,7 +119,7 @@ def test_the_folder_keeps_its_permissions_and_a_new_one_has_the_usual_ones(tmp_p
 
 
 @LINUX
-def test_what_is_saved_in_the_moment_of_the_exchange_is_not_lost(tmp_path, monkeypatch):
+def test_a_file_that_is_saved_during_the_exchange_is_not_lost(tmp_path, monkeypatch):
     place, exchange = tmp_path / "out", folders._exchange
     delivered(place, OLD)
     (place / "notes.txt").write_text("first")
@@ -136,7 +136,7 @@ def test_what_is_saved_in_the_moment_of_the_exchange_is_not_lost(tmp_path, monke
 
 
 @pytest.mark.parametrize("able", ["_link", "_exchange"])
-def test_where_disk_or_system_cannot_the_journal_does_it(place, monkeypatch, able):
+def test_a_journal_replaces_links_and_exchange_where_the_system_lacks_them(place, monkeypatch, able):
     monkeypatch.setattr(folders, able, lambda *_: False)
     delivered(place, NEW)
     assert held(place) == {**NEW, **OWN}
@@ -230,7 +230,7 @@ def test_a_number_that_was_given_again_is_not_the_process_that_died():
     assert is_abandoned(f".partial-{host}-{pid}-{int(began) - 1}-{rest}")
 
 
-def test_what_dead_processes_left_is_removed_by_the_next_run_and_nothing_else(tmp_path):
+def test_the_next_run_removes_only_the_leftovers_of_dead_processes(tmp_path):
     host = partial_name().split("-")[1]
     dead = f".partial-{host}-{ended_process()}-1-aa"
     place = tmp_path / "out"

@@ -107,7 +107,7 @@ def test_only_creases_are_taken_for_folds_unasked(slope, first):
     assert next(attempts(part)).step == "planar"
 
 
-def test_the_mesh_of_a_curved_sheet_is_told_before_its_outlines_are_found(monkeypatch):
+def test_a_curved_sheet_is_refused_before_its_outlines_are_computed(monkeypatch):
     """Mitring and outlines of each triangle of a dome took seven seconds, and were not asked for."""
     surface = ridged_roof(slope=0.1)
     part, _, _ = folded_part(surface, openings(surface))

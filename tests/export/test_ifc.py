@@ -39,7 +39,7 @@ def test_a_file_of_three_pieces_is_valid_and_measured(tmp_path):
     assert len({one.GlobalId for one in model.by_type("IfcRoot")}) == len(model.by_type("IfcRoot"))
 
 
-def test_the_geometry_kernel_finds_the_box_where_it_is(tmp_path):
+def test_the_geometry_kernel_of_ifcopenshell_places_the_box_correctly(tmp_path):
     geom = pytest.importorskip("ifcopenshell.geom")
     model = ifcopenshell.open(str(write(box(corner=(1.0, -2.0, 0.5)), tmp_path / "a.ifc")))  # keep it: elements do not
     shape = geom.create_shape(geom.settings(), model.by_type("IfcPlate")[0])
@@ -61,7 +61,7 @@ def test_a_survey_finds_the_site(tmp_path):
     assert not here.by_type("IfcCoordinateOperation")
 
 
-def test_what_is_not_known_is_left_out(tmp_path):
+def test_unknown_quantities_are_omitted(tmp_path):
     model = ifcopenshell.open(str(write(box(), tmp_path / "a.ifc")))
     assert not model.by_type("IfcMaterial")
     assert set(amounts(model.by_type("IfcPlate")[0])) == {"NetVolume", "NetSurfaceArea"}
@@ -86,7 +86,7 @@ def test_a_spoilt_file_is_not_kept(old, new, tmp_path, monkeypatch):
     assert not any(tmp_path.iterdir())
 
 
-def test_without_ifcopenshell_one_sentence_says_what_to_install(tmp_path, monkeypatch):
+def test_without_ifcopenshell_the_error_names_the_package_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(ifc.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ExportError, match=r'pip install "dsfab\[ifc\]"'):
         write(box(), tmp_path / "a.ifc")

@@ -121,7 +121,7 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
     _require_few(replace(part, hurry=strategies.MEMBER_FACES_FACTOR), 7001)
 
 
-def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, inspected_pieces, unread, monkeypatch):
+def test_quick_refuses_ways_that_take_long(tmp_path, slow_vault, inspected_pieces, unread, monkeypatch):
     """The same solid: what `auto` makes in the end, `quick` leaves, and says what each way would cost."""
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
     monkeypatch.setattr(acceptance, "MOST_WALLS", 1)
@@ -141,7 +141,7 @@ def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("budget", "way"), [(1200, "faceted"), (1000, "simplified"), (650, "simplified")])
-def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, inspected, budget, way):
+def test_the_written_way_is_the_estimated_way(tmp_path, inspected, budget, way):
     said, solid = [], saddle_solid()
     path = write(solid, tmp_path / "a.step", step=StepOptions(faces=budget), note=said.append)
     found = chosen(solid, step=StepOptions(faces=budget))
@@ -155,7 +155,7 @@ def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, inspected
         assert 4.2 < moved <= 1000 * strategies.SIMPLIFIED_OFF_SURFACE * OFF_SURFACE * 0.1
 
 
-def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
+def test_a_refusal_lists_the_cost_of_each_way_without_reading_a_file_back(tmp_path, unread):
     solid = saddle_solid()
     with pytest.raises(ExportError) as caught:
         write(solid, tmp_path / "a.step", step=StepOptions(faces=10))
@@ -187,7 +187,7 @@ def test_a_tolerance_that_was_asked_for_is_not_exceeded_to_keep_to_the_budget(tm
     assert [one.part.tolerance if isinstance(one, BudgetError) else one.tolerance for one in asked] == [1.0]
 
 
-def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
+def test_simplification_stops_if_it_does_not_help(monkeypatch):
     """One try, beyond the tolerance, that leaves twice the faces."""
     tries, true = [], file_size._tried
     monkeypatch.setattr(file_size, "_tried", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
@@ -200,7 +200,7 @@ def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
     assert len(tries) == 1 + file_size.TRIES
 
 
-def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
+def test_a_refusal_over_the_budget_lists_the_failed_ways():
     part = strategies.prepare(part_of(saddle_solid(), "a", 10))
     said = str(strategies.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
     assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
@@ -306,7 +306,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
         network_build._require_solid(part, acceptance.SmoothPlan(part), draft, found, None)
 
 
-def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, inspected_pieces):
+def test_compact_is_smooth_and_names_the_way_that_cad_can_cut(tmp_path, slow_vault, inspected_pieces):
     solid, curved = slow_vault
     said = list[str]()
     write(solid, tmp_path / "a.step", step=StepOptions("compact", curved=curved), note=said.append)
@@ -314,7 +314,7 @@ def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, i
     assert said[0].endswith("; cutting it in CAD may fail: write step = 'faceted' to cut it there")
 
 
-def test_who_cuts_in_cad_is_told_the_way_that_helps(slow_vault):
+def test_a_file_that_cad_cannot_cut_gives_a_note_with_the_way_to_use(slow_vault):
     """Members refused for their number of faces alone are made where they are asked for by name."""
     solid, curved = slow_vault
     part = replace(part_of(solid, "a", 10), step="members")

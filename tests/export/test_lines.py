@@ -56,7 +56,7 @@ def test_dxf_passes_the_audit_with_all_lines_in_place_on_their_layers(made, tmp_
     assert (layer.dxf.linetype, layer.dxf.lineweight, layer.color) == ("CENTER", 13, 5)
 
 
-def test_trimesh_finds_the_cutting_lines_of_a_flat_sheet_as_long_as_they_are(tmp_path):
+def test_trimesh_reads_the_cutting_lines_of_a_flat_sheet_in_their_true_length(tmp_path):
     """A reader that is not ezdxf."""
     sheet, details = FLAT
     with open(write(sheet, tmp_path / "a.dxf", details=details), "rb") as file:
@@ -153,7 +153,7 @@ def test_the_far_side_of_a_sphere_is_hidden_and_the_near_side_is_not():
     assert whole == pytest.approx(2000 * np.pi, rel=1e-3)
 
 
-def test_one_layer_is_filled_as_far_as_it_is_material():
+def test_the_filled_layer_covers_the_material_only():
     sheet, _ = FLAT
     part = part_of(sheet, "a", 1)
     (plan,) = views(part)
@@ -164,7 +164,7 @@ def test_one_layer_is_filled_as_far_as_it_is_material():
 
 
 @both
-def test_csv_and_json_have_every_line_with_what_it_is(made, tmp_path):
+def test_csv_and_json_list_each_line_with_its_kind(made, tmp_path):
     sheet, details = made
     with open(write(sheet, tmp_path / "a.csv", details=details), encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))

@@ -86,7 +86,7 @@ def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
     assert {str(item.Attributes.Id) for item in other.Objects}.isdisjoint(ids), "two designs may meet in one model"
 
 
-def test_the_history_of_an_archive_is_found_wherever_it_is_and_its_checksum_is_right():
+def test_the_times_in_a_3dm_archive_are_removed_and_its_checksum_is_valid():
     """Names of who made and changed it are kept, whatever their length."""
     names = [text.encode("utf-16-le") for text in ("Ada\0", "")]
     parts = [len(name) // 2 for name in names]
@@ -124,7 +124,7 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     assert not any(tmp_path.iterdir())
 
 
-def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tmp_path, monkeypatch, capsys):
+def test_without_rhino3dm_the_error_names_the_package_before_any_work(tmp_path, monkeypatch, capsys):
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "rhino3dm" else found(name, *a))
     said = '.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"'
@@ -215,7 +215,7 @@ def test_stresses_of_every_case_have_a_name():
 
 
 @pytest.mark.parametrize("which", ["design", "dome"])
-def test_lines_of_a_design_outline_its_sheet_and_run_inside_it(which, request):
+def test_the_lines_of_a_design_lie_on_or_inside_its_outline(which, request):
     made = request.getfixturevalue(which)
     lines, sheet = design_lines(made), made.sheet.surface
     ends = sheet.V[sheet.edges.ends[sheet.edges.boundary]]
@@ -253,7 +253,7 @@ def test_a_family_that_covers_everything_or_nothing_has_no_middles():
         assert {line.layer for line in lines if line.kind == "centre"} == left
 
 
-def test_what_goes_into_which_format(design):
+def test_each_format_receives_its_own_object(design):
     with pytest.raises(DsfabError, match="what members can bear is not known"):
         deliverable(design, ".member_utilisation.csv")
     for suffix, form in FORMATS.items():

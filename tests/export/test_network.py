@@ -71,7 +71,7 @@ def two_chains_of_a_line(x: float, seed: int) -> tuple[NetLines, ChainCurve]:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.95), st.integers(0, 10**6))
-def test_curves_of_chains_are_parts_of_their_line_and_ends_move_them_by_their_share(x, seed):
+def test_curves_of_chains_are_parts_of_one_line_and_follow_its_moved_ends(x, seed):
     lines, whole = two_chains_of_a_line(x, seed)
     at = np.linspace(0, 1, 21)
     np.testing.assert_allclose(lines.curve(0)(at), whole(x * at), atol=1e-12)
@@ -174,7 +174,7 @@ def test_patches_lie_on_the_skins_between_their_borders():
     np.testing.assert_allclose(fine[1, 0, 0], fine[0, 0, -1], atol=1e-9)
 
 
-def test_folded_patches_are_told_from_good_ones():
+def test_the_least_jacobian_detects_folded_patches():
     x = np.linspace(0, 1, 4)
     square = np.stack(np.broadcast_arrays(x[:, None], x[None], 0.0), axis=2)
     assert least_jacobian(square) == pytest.approx(1)
@@ -350,7 +350,7 @@ def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long,
 
 
 @pytest.mark.parametrize("near", [True, False])
-def test_patches_are_asked_how_far_off_the_mesh_they_are(near):
+def test_the_distance_of_patches_from_the_mesh_is_measured_at_corners_too(near):
     """Though it is on the skins in its middle: at a corner it is 1 mm farther than it may be, or nearer."""
     patch = np.zeros((1, 1, 4, 4, 6))
     x = np.linspace(0, 30, 4)
@@ -368,7 +368,7 @@ def test_patches_are_asked_how_far_off_the_mesh_they_are(near):
     assert asked_at == [2 * 98]
 
 
-def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be():
+def test_the_gate_gives_the_excess_distance_of_points_from_the_mesh():
     """What is near is nearer than it may be by less than it seems: its chord error is not asked for."""
     surface = cylinder_strip(columns=8)
     part, _, _ = draft_of(surface, striped(surface))
@@ -457,7 +457,7 @@ def test_a_lens_between_an_outline_and_a_member_joins_the_member(inner_first):
 
 
 @pytest.mark.parametrize("folded", [False, True])
-def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
+def test_outlines_are_joined_except_at_the_begin_of_an_arc(folded):
     """What bends with the sheet is straight to those who walk on it."""
     net, P, N = rectangle_net(arc=False, folded=folded)
     done = joined_outlines(net, P, N)
@@ -549,11 +549,11 @@ def test_an_outline_is_looked_at_again_where_a_line_has_moved():
         ([0.5, 0.75], [0.52], [(0.5, 0.52), (0.75, 0.76)]),
     ],
 )
-def test_stations_near_each_other_are_pairs_and_others_get_one(one, two, pairs):
+def test_near_stations_pair_up_and_single_stations_get_a_partner(one, two, pairs):
     np.testing.assert_allclose(np.stack(paired_shares(np.array(one), np.array(two)), axis=1), pairs)
 
 
-def test_lines_end_on_others_that_end_on_others():
+def test_lines_may_end_on_lines_that_end_on_lines():
     """The second line begins beside the first at .4 of it, the third beside the second at .5 of that."""
     places = {0: (0, 0), 1: (1, 0), 2: (0.4, 0.03), 3: (0.4, 1), 4: (0.43, 0.5), 5: (1, 0.5)}
     ways, rows = [(0, 2), (2, 1), (2, 4), (4, 3), (4, 5)], ((0, 1), (2, 3), (4,))
@@ -648,7 +648,7 @@ def test_a_long_member_is_cut_off_from_a_pointed_end(far):
 
 
 @pytest.mark.parametrize(("deep", "regions"), [(20, 1), (1, 2)])
-def test_what_is_inside_of_a_hairpin_and_beside_it_is_one_region(deep, regions):
+def test_the_inside_of_a_hairpin_joins_the_region_beside_it(deep, regions):
     """A stripe of a third of the strip's width below another, 20 of 40 columns long, or 1."""
     flat = flat_strip()
     x, y = flat.centroids[:, 0], flat.centroids[:, 1] / flat.V[:, 1].max()
@@ -701,7 +701,7 @@ def two_squares(bulge: float, corner: bool = False) -> tuple[ChainNet, dict[int,
 
 
 @pytest.mark.parametrize("bulge", [1.3, 1.4])
-def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
+def test_regions_merge_if_their_common_chain_crosses_an_outline(bulge):
     """A cubic whose inner poles are 1.3 aside is .98 aside in its middle, at 1.4 it is 1.05: beyond the left wall."""
     net, curves = two_squares(bulge)
     done = without_crossings(net, curves, [0, 1])
@@ -717,7 +717,7 @@ def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
 
 
 @pytest.mark.parametrize(("near", "corner", "one"), [(0.05, True, True), (0.01, True, False), (0.05, False, False)])
-def test_regions_are_one_where_a_chain_between_them_comes_near_a_corner_of_an_outline(near, corner, one):
+def test_regions_merge_if_their_common_chain_comes_near_an_outline_corner(near, corner, one):
     """The cubic that is .98 aside: .02 from the left wall, and from a corner of it if there is one."""
     net, curves = two_squares(1.3, corner)
     done = without_crossings(net, curves, [0, 1], near)
@@ -755,7 +755,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
             np.testing.assert_allclose(x @ curves[2 * i + s], side, atol=1e-7, rtol=0)
 
 
-def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
+def test_many_faces_are_written_only_on_request(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
     part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     assert member_draft(part, SmoothPlan(part)).faces > 10

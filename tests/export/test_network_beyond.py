@@ -147,7 +147,7 @@ def test_a_corner_that_is_cut_off_and_one_with_two_seams_are_left():
     assert curves_beyond(replace(model, seam=True)) == {}
 
 
-def test_a_seam_goes_on_over_a_trimmed_face_only_if_this_is_on_it():
+def test_a_seam_continues_over_a_trimmed_face_only_if_the_face_contains_it():
     model = notch()
     x = np.linspace(-130, 130, 3)
     flat = np.stack(np.meshgrid(x, x, indexing="ij"), axis=2).reshape(-1, 2)
@@ -182,7 +182,7 @@ def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_
     assert (far - went) ** 2 / 2000 == pytest.approx(TANGENT_GAP, rel=0.1)  # its height is -y^2 / 2000
 
 
-def test_such_a_seam_beside_a_trimmed_face_is_off_it_where_only_its_tolerance_counts():
+def test_a_seam_beside_a_trimmed_face_is_moved_within_its_tolerance():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     face = TrimmedFace([model.patches[1].loop], *np.zeros((2, 3, 3, 3)), (np.eye(3), np.eye(3)), 0.0, 0.0)
     new, _, _ = with_long_seams(replace(model, patches=model.patches[:1]), [face])

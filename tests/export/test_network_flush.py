@@ -45,7 +45,7 @@ def test_at_corners_a_face_is_on_its_edges_as_far_as_a_fillet_goes():
     assert sorted(found.loops[0]) == sorted(step for wall in model.walls for step in wall.steps)
 
 
-def test_inside_a_face_stays_where_it_was(monkeypatch):
+def test_the_inside_of_a_face_does_not_move(monkeypatch):
     """Of a sphere one went 1.4 mm away to run through four edges; where it has to, it is left as it is."""
     old, face = given(0.03)
     _, (found,) = flush_at_corners(old, [face])

@@ -76,7 +76,7 @@ def _middles(model: NetModel) -> set[tuple[float, ...]]:
     return {tuple(p[:2].tolist()) for p in model.vertices[4:]}
 
 
-def test_an_outline_begins_where_it_is_smooth():
+def test_an_outline_begins_at_a_smooth_vertex():
     """A pentagon with a vertex in the middle of a side."""
     model, _ = with_ordered_walls(plate_model(np.insert(SQUARE, 1, [50.0, 0], axis=0), set(), [3, 4, 0, 1, 2]), [])
     assert [len(wall.steps) for wall in model.walls] == [1] * 5
@@ -85,7 +85,7 @@ def test_an_outline_begins_where_it_is_smooth():
 
 
 @pytest.mark.parametrize("size", [LONGEST_SHARE, 30.0])
-def test_long_edges_are_cut_near_the_corners_where_they_end(size):
+def test_long_edges_are_cut_near_their_end_corners(size):
     model, _ = with_ordered_walls(plate_model(size * THICK * SQUARE / 100, set(), [0, 1, 2, 3]), [])
     assert [len(wall.steps) for wall in model.walls] == ([2, 1, 1, 1] if size <= LONGEST_SHARE else [3, 2, 2, 1])
     ending = [line(model, wall.steps)[-1] for wall in model.walls[:-1]]
@@ -101,7 +101,7 @@ def test_fillets_of_asked_radius_take_a_share_of_edges_that_occt_finds(turn):
     assert _stops(poles, None, (0.0, half), (False, False)) == []
 
 
-def test_an_edge_is_cut_where_it_is_farthest_from_its_trimmed_face():
+def test_an_edge_is_cut_at_its_largest_distance_from_the_trimmed_face():
     """Heights 3 x^2 (1 - x) above a plane are largest at 2/3; the tolerance is met there whatever a fillet takes."""
     given = plate_model(SQUARE, set(), [0, 1, 2, 3])
     edges = list(given.edges)

@@ -75,7 +75,7 @@ def test_cubics_are_parabolas_where_these_are_near_and_turn_little(curve, distan
     assert (found is curve) != three
 
 
-def test_curves_of_which_one_span_is_no_parabola_and_those_whose_pole_is_out_of_the_box_are_cubics():
+def test_curves_with_a_non_parabolic_span_or_a_far_pole_are_cubics():
     good, bad = wavy(1.0).spans, wavy(9.0).spans
     two = ChainCurve(np.array([0.0, 0.5, 1.0]), np.concatenate([good, bad + [300, 0, 0] * 2]))
     assert curves_as_parabolas([two], 1.0, ANYWHERE) == [two]
@@ -135,7 +135,7 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
             np.testing.assert_allclose(hats[len(curve)] @ curve, hats[len(side)] @ side, atol=1e-7, rtol=0)
 
 
-def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree_3():
+def test_faces_across_a_cylinder_have_degree_2_and_faces_around_it_degree_3():
     """The outlines of these are curves of a quarter of a turn."""
     part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     text = member_draft(part, SmoothPlan(part)).text
@@ -162,7 +162,7 @@ def test_a_trimmed_face_is_a_quadric_where_its_edges_are_on_one(bend, degree):
     assert gap <= 0.01
 
 
-def test_poles_of_a_quadric_are_those_of_a_cubic_where_they_are_far_out():
+def test_a_quadric_with_far_poles_is_written_with_the_poles_of_a_cubic():
     """The ends of a dome's face of 1 m are 50 mm lower than its middle: OCCT draws its box around poles."""
     t = np.linspace(-500, 500, 41)
     x, y = (np.concatenate(some) for some in ((t, 0 * t + 500, -t, 0 * t - 500), (0 * t - 500, t, 0 * t + 500, -t)))

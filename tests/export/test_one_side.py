@@ -113,7 +113,7 @@ def test_a_strip_with_one_side_has_no_two_smooth_skins():
         smooth_file(replace(part, step="smooth"))
 
 
-def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_to(monkeypatch):
+def test_the_file_of_a_one_sided_strip_is_compared_with_the_strip_cut_open(monkeypatch):
     part, _ = part_with_ladder()
     distance = import_module("dsfab.study.file_check.file_geometry")
     monkeypatch.setattr(distance, "curved_design", lambda design: part.curved())
@@ -124,7 +124,7 @@ def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_t
 
 
 @pytest.mark.slow
-def test_occt_finds_a_strip_with_one_side_valid_and_cuts_it():
+def test_occt_accepts_and_cuts_a_one_sided_strip():
     part, solid = part_with_ladder()
     made = member_file(replace(part, hurry=0))
     assert made.solids == 1

@@ -95,7 +95,7 @@ def test_a_region_without_a_gap_stays_as_it_is():
     assert model.edges == edges
 
 
-def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monkeypatch):
+def test_a_region_whose_inside_strays_is_divided_even_if_its_edges_fit(monkeypatch):
     monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     x, y = (some.ravel() for some in np.meshgrid(np.linspace(30, 570, 19), np.linspace(20, 180, 9)))
@@ -118,9 +118,7 @@ def folded_mesh(points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mesh", "parts"), [(None, 1), (folded_mesh, 2)])
-def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_where_that_is_asked(
-    monkeypatch, mesh, parts
-):
+def test_a_region_that_strays_from_the_mesh_is_divided_on_request(monkeypatch, mesh, parts):
     monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     limits, nothing = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6))
@@ -194,7 +192,7 @@ def test_seams_keep_to_the_mesh_where_that_is_asked():
     assert through == [True, False]
 
 
-def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypatch):
+def test_the_worst_misfit_stops_at_the_first_outline_that_is_too_far(monkeypatch):
     """A flat square, and one that waves: the second is not asked where the first one, or its outer skin, is too bad."""
     x = np.linspace(0, 300, 24, endpoint=False)
     plan = np.concatenate([[[t, 0], [300, t], [300 - t, 300], [0, 300 - t]] for t in x], axis=0)
@@ -212,7 +210,7 @@ def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypat
     assert len(asked_of) == 4 + 4 + 1
 
 
-def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():
+def test_a_face_is_judged_by_its_gap_its_inside_and_its_poles():
     model, loop = folded_model(HALVES, 0)
     face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
     assert allowance_used(face, LIMITS) < 1

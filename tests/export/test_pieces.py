@@ -35,7 +35,7 @@ def test_compressed_step_holds_the_same_file(tmp_path, inspected):
     assert packed.read_bytes() == write(torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
 
 
-def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, inspected):
+def test_tessellated_step_holds_the_triangles_and_names_programs_that_cannot_read_it(tmp_path, inspected):
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
     found = step_facts(path)

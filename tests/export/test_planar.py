@@ -118,7 +118,7 @@ def blunt_outline(angle: float) -> tuple[Floats, Floats]:
     return np.r_[[[-0.2, -0.1], [0.2, -0.1]], upper], upper[20]
 
 
-def test_a_blunt_corner_is_kept_where_it_is_told_and_sharp_ones_always(tmp_path, inspected, monkeypatch):
+def test_blunt_corners_are_kept_on_request_and_sharp_corners_always(tmp_path, inspected, monkeypatch):
     monkeypatch.setattr("dsfab.export.curves.SPANS", 99)  # else the curve is cut near there
     rim, tip = blunt_outline(np.deg2rad(12))
     solid = thickened(fan(rim))
@@ -134,7 +134,7 @@ def test_a_blunt_corner_is_kept_where_it_is_told_and_sharp_ones_always(tmp_path,
     assert alone.read_text("ascii").count("B_SPLINE_CURVE") == 2
 
 
-def test_outline_corners_are_where_stripes_cross_and_where_they_end():
+def test_outline_corners_lie_at_crossings_and_ends_of_stripes():
     """Stripes |x - 1/2| < 1/8 and |y - (x + 1/2) / 2| < 1/8 on the unit square: four crossings, and eight ends."""
     surface = grid(16, 16, 1.0, 1.0)
     x, y = surface.V[:, 0], surface.V[:, 1]
@@ -353,7 +353,7 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 
 
 @pytest.mark.slow
-def test_a_build_says_how_its_step_file_was_made(tmp_path, inspected):
+def test_a_build_reports_the_way_of_its_step_file(tmp_path, inspected):
     how = {"source": Source(("surface.edge=0.08",)), "files": Files(tmp_path, "step"), "pictures": PictureFlags(False)}
     build("cantilever", **how, quiet=True)
     notes = json.loads((tmp_path / "design.json").read_text())["warnings"]

@@ -27,7 +27,7 @@ from tests.shapes import grid, sphere
 from tests.smooth import THICKNESS, holed, written
 
 
-def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
+def test_spline_hats_sum_to_one_and_have_the_slopes_of_a_cubic():
     knots = np.r_[[0.0] * 4, 0.2, 0.5, 0.55, [1.0] * 4]
     x = np.linspace(0, 1, 41)
     first, values = basis(x, knots)

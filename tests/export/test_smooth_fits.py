@@ -33,7 +33,7 @@ def spline_through(x, Q, tolerance, parts=1):
 
 
 @pytest.mark.parametrize("at_once", [1, 2000])
-def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
+def test_curves_fitted_together_equal_curves_fitted_alone(monkeypatch, at_once):
     rng = np.random.default_rng(0)
     samples = list(wavy(rng, 40, 6))
     wanted = 10 ** rng.uniform(-4, 0, len(samples))
@@ -47,7 +47,7 @@ def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
         assert off == pytest.approx(away, abs=1e-9)
 
 
-def test_cubics_are_the_nearest_with_their_ends_where_they_are():
+def test_fitted_cubics_are_least_squares_solutions_with_fixed_ends():
     """Least squares with full tables of hats, of which the poles between the ends are free."""
     samples = list(wavy(np.random.default_rng(1), 30))
     found = splines_through(samples, [1e-3] * len(samples))
@@ -117,7 +117,7 @@ def test_nearest_points_of_many_are_those_of_each():
         assert np.einsum("ki,ki->k", P - there, slope)[inside] == pytest.approx(0, abs=1e-7)
 
 
-def test_each_chart_is_asked_once_about_all_its_rows():
+def test_each_chart_is_fitted_once_for_all_its_rows():
     calls = []
     rows = [np.full((n, 2), n) for n in (1, 3, 2, 4)]
     said = by_chart([5, 2, 5, 2], rows, lambda k, x: calls.append((k, len(x))) or k * x)
@@ -264,7 +264,7 @@ def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
         (16, {"most_poles": 10}, [8, 10], False),
     ],
 )
-def test_poles_grow_up_to_what_is_allowed_and_what_the_points_are_for(monkeypatch, side, how, poles, starved):
+def test_the_number_of_poles_grows_up_to_the_limit_and_the_number_of_points(monkeypatch, side, how, poles, starved):
     counts, fit = tried(monkeypatch, side, [1e6] * len(poles), **how)
     assert counts == [(n, n) for n in poles]
     assert fit.starved == starved

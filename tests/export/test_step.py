@@ -318,7 +318,7 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, inspected, pattern, by
         ({"tessellates": False}, "no triangles of a face of the STEP solid of 'box'"),
     ],
 )
-def test_what_the_checker_says_is_believed(tmp_path, monkeypatch, finding, said):
+def test_the_findings_of_the_inspection_decide(tmp_path, monkeypatch, finding, said):
     said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "tessellates": True, "volume": 3e6}
     monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box)
     write(box(), tmp_path / "box.step").unlink()
@@ -328,7 +328,7 @@ def test_what_the_checker_says_is_believed(tmp_path, monkeypatch, finding, said)
     assert not any(tmp_path.iterdir())
 
 
-def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeypatch):
+def test_an_inspection_over_its_time_limit_fails_and_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr(file, "CHECK_SECONDS", 0.05)
     monkeypatch.setattr(file, "CHECK_SECONDS_PER_FACE", 0.0)
     with pytest.raises(ExportError, match="'box' did not end within 0 s"):

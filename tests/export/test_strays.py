@@ -52,7 +52,7 @@ def test_skins_that_stand_upright_beside_a_face_are_no_part_of_it():
     np.testing.assert_allclose(found.outer, face.outer, atol=1e-9)
 
 
-def test_faces_that_are_asked_how_far_off_the_mesh_they_are_stay():
+def test_faces_with_a_measured_distance_from_the_mesh_stay():
     model, loop = flat_model(SQUARE)
     limits, none = replace(asked(0.01, 1.0), beyond_mesh=lambda points: np.ones(len(points))), np.zeros((0, 6))
     face = trimmed_face(model, [loop], none, limits)

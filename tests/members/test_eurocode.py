@@ -80,7 +80,7 @@ def test_shear_is_that_of_the_elastic_distribution_and_takes_its_part_of_bending
     assert of_steel(bar(0.1, 0.01, 0.1, Vy=V / 2, N=0.5 * 235e3))["bending and axial force"] == pytest.approx(0.25)
 
 
-def test_torsion_takes_its_part_of_what_shear_may_be():
+def test_torsion_reduces_the_shear_resistance():
     """(6.28): half of V_pl beside a torque of .4 is .5 / .6 of what is left, so that (2 x .833 - 1)^2 is taken."""
     tau = 235e6 / sqrt(3)
     torque = 0.4 * tau * Rectangle(np.array(0.1), np.array(0.01)).Wt.item()
@@ -205,7 +205,7 @@ def test_tension_bending_shear_and_torsion_by_hand():
     assert (found["bending and compression"], found["stability as a column"]) == (0, 0)
 
 
-def test_what_is_stocky_does_not_buckle():
+def test_a_stocky_column_does_not_buckle():
     """(6.19) is with the square of compression; up to a relative slenderness of .3 the column is no more."""
     found = of_timber(bar(0.1, 0.1, 0.2, N=-60e3, My=500))
     expected = (60e3 / 1e4 / (21 * 0.8 / 1.3)) ** 2 + 5e5 / (1e6 / 6) / (24 * 0.8 / 1.3)
@@ -257,7 +257,7 @@ def test_lvl_shears_more_easily_over_its_thin_side():
     assert flat / upright == pytest.approx(4.2 / 2.3)
 
 
-def test_members_that_end_narrow_buckle_with_the_width_that_they_have_between_joints():
+def test_tapered_members_buckle_with_their_width_between_joints():
     given = bar(0.1, 0.01, 1.0, N=-10e3)
     ends = replace(given, width=np.array([[0.02, 0.1, 0.1, 0.1, 0.03]]))
     same, less = of_steel(given), of_steel(ends)
@@ -325,7 +325,7 @@ def test_a_thicker_plate_than_the_table_has_is_told():
     assert any("ends at 200 mm" in line for line in found.assumed)
 
 
-def test_presets_say_what_is_checked_by_what():
+def test_presets_name_the_rules_of_their_checks():
     vault = load_preset("snow_vault", {"statics.material": "GL24h", "eurocode.duration.snow": "short"})
     found = eurocode_rules(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))
     assert [found.durations[name] for name in ("dead", "snow", "all_over", "on_the_left")] == [

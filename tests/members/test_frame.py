@@ -146,7 +146,7 @@ def vault():
 
 
 @pytest.mark.slow
-def test_the_beams_of_a_vault_carry_what_its_sheet_carries(vault):
+def test_the_beams_of_a_vault_carry_the_load_of_its_sheet(vault):
     made = vault.frame
     answers = solve_frame(made)
     sheet = vault.cut_loads["load"].force
@@ -195,7 +195,7 @@ def test_a_disc_is_as_wide_as_its_area_says(vault):
     assert made.eccentricity == pytest.approx(0)
 
 
-def test_what_is_no_structure_of_beams_is_told():
+def test_the_summary_of_a_frame_explains_its_difference_from_the_sheet():
     found = FrameAgreement("wind", 1.3, 1.4, 0.3)
     assert not found.slender
     assert found.summary.startswith("beams against the sheet, wind: 1.30 of its compliance")
@@ -220,7 +220,7 @@ SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"} - ALIKE)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
-def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_otherwise(name):
+def test_slender_frames_agree_with_the_shell_within_a_tenth(name):
     design = coarse_design(name)
     if name in LOOSE:
         with pytest.raises(StaticsError, match="the supports do not stop it"):

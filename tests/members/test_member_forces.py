@@ -174,7 +174,7 @@ def test_members_of_a_design(vault):
         assert all(name in {node.id for node in vault.members.nodes_along[one.member]} for name in nodes)
 
 
-def test_their_thrusts_carry_what_lies_on_the_vault(vault):
+def test_the_thrusts_of_arches_carry_the_load_of_the_vault(vault):
     """Where joints with the bands at the springing lines begin, the arches bring down what lies above."""
     found = vault.member_forces
     down = 0.0
@@ -280,7 +280,7 @@ def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
     assert sum(line.startswith("# not checked: ") for line in lines) == len(found.unchecked)
 
 
-def test_what_no_strength_is_known_of_is_refused_before_a_file_is_there(vault, tmp_path):
+def test_without_a_strength_the_utilisation_file_is_refused(vault, tmp_path):
     with pytest.raises(StaticsError, match="names no material and gives no strength"):
         vault.write(tmp_path / "vault.member_utilisation.csv")
     with pytest.raises(ExportError, match="has no members to check"):

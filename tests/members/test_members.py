@@ -270,7 +270,7 @@ def met(graph, name):
     return [one for node in graph.nodes_along[name] for one in node.members if one != name]
 
 
-def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
+def test_a_member_that_runs_into_a_rim_ends_at_it():
     """Its middle runs along y = .08, so that .02 m of it are beside the rim; they are the rim's."""
     surface, pattern = beside_a_rim(lambda x, y: y - 0.08 - 0.6 * np.clip(1.2 - x, 0, None) ** 2)
     graph = graph_of(surface, pattern)
@@ -285,7 +285,7 @@ def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
     assert rim.width[np.abs(rim.axis.P[:, 0] - 1.6) < 0.2] == pytest.approx(0.14, abs=0.002)
 
 
-def test_a_strip_that_comes_down_to_a_rim_and_leaves_it_is_two_members():
+def test_a_member_that_touches_a_rim_is_two_members():
     surface, pattern = beside_a_rim(lambda x, y: y - 0.05 - 0.9 * np.clip(np.abs(x - 1) - 0.25, 0, None) ** 2)
     graph = graph_of(surface, pattern)
     assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
@@ -299,7 +299,7 @@ def test_a_ring_that_lies_on_a_rim_is_open_there():
     assert met(graph, "A01") == ["rim 1", "rim 1"]
 
 
-def test_what_is_kept_around_a_support_is_one_band_without_its_ends_that_run_out_of_the_sheet():
+def test_the_kept_region_of_a_support_is_one_band_without_ends_off_the_sheet():
     """All within .2 m of the line from (.5, 0) to (1.5, 0): its middle turns at both ends, and is .1 m long there."""
     surface, pattern = striped_plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
     x, y, _ = surface.V.T
@@ -413,7 +413,7 @@ def test_a_vault_has_arches_purlins_two_edges_and_two_springing_lines_that_are_j
     assert sorted(node.members for node in corners) == [(f"rim {i}", f"band {j}") for i in (1, 2) for j in (1, 2)]
 
 
-def test_names_and_numbers_are_the_same_when_it_is_made_again():
+def test_names_and_numbers_of_members_are_reproducible():
     first = design("barrel_vault")
     again = member_graph(first.surface, first.sheet, Design.from_preset(load_preset("barrel_vault")).pattern)
     for one, two in ((again.members, first.members.members), (again.nodes, first.members.nodes)):
@@ -504,7 +504,7 @@ def test_members_of_other_surfaces_are_their_sheets(name):
 
 @settings(deadline=None)
 @given(st.integers(3, 40), st.floats(0, 6.28), st.randoms())
-def test_meridians_are_named_around_whatever_the_order_they_come_in(count, turn, random):
+def test_meridians_are_numbered_around_the_axis_in_any_input_order(count, turn, random):
     angle = np.sort(np.mod(turn + 2 * np.pi * np.arange(count) / count, 2 * np.pi))
     places = np.stack([np.cos(angle), np.sin(angle), np.full(count, 0.4)], axis=1)
     lengths = np.ones(count)
@@ -540,7 +540,7 @@ def test_a_surface_that_is_all_material_is_one_plate():
     assert graph.members[0].area == pytest.approx(1.0)
 
 
-def test_slivers_beside_one_stripe_belong_to_it_and_corners_between_two_to_none():
+def test_slivers_join_their_stripe_and_corners_between_stripes_join_none():
     plate = grid(4, 1, 4.0, 1.0)
     column = plate.centroids[:, 0].astype(int)  # a sliver, stripe 1, a corner, stripe 2
     sheet = cut(plate, [plate.V[:, 0]], [[-1.0]])

@@ -108,7 +108,7 @@ def test_needles_of_faces_do_not_spoil_the_shear_around_them():
     assert np.abs(found.q).max() < 1.15 * np.abs(even.q).max()
 
 
-def test_what_passes_a_section_is_what_presses_beyond_it():
+def test_section_forces_equal_the_load_beyond_the_section():
     """A strip bent, sheared and pulled at once, and twisted by Poisson's ratio at its root."""
     s, found = loaded_strip(24, 4, (70.0, -30.0, -100.0), width=0.2, poisson=0.3)
     for low, high in ((0.4, 0.6), (0.02, 0.1), (0.9, 0.95)):
@@ -127,7 +127,7 @@ def dome_design():
 
 
 @pytest.mark.slow
-def test_a_cut_domes_sections_carry_what_lies_above_them(dome_design):
+def test_sections_of_a_cut_dome_carry_the_load_above_them(dome_design):
     """Ribs three faces wide, between the free edges of openings: within .2 %."""
     found, s = dome_design.section_forces, dome_design.sheet.surface
     assert list(found) == ["dead", "snow", "all"]
@@ -219,7 +219,7 @@ def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome_desig
 
 
 @pytest.mark.slow
-def test_they_are_exported_of_a_folder_that_was_built(tmp_path, capsys):
+def test_section_forces_are_exported_from_a_built_folder(tmp_path, capsys):
     folder = tmp_path / "out"
     assert (
         main(["build", "dome", "--set", "surface.edge=0.6", "--set", 'export.formats=["stl"]', "-o", str(folder)]) == 0

@@ -56,7 +56,7 @@ def test_pieces_are_named_by_themselves():
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
-def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
+def test_crossing_principal_stresses_are_detected_before_smoothing(jitter):
     """Around a point the larger stress is that along the rays inside of a circle, and that around outside; over a
     length in which they differ little no direction is clear near the circle, and no region was told from another."""
     plate = jittered(grid(24, 24, 1.0, 1.0), jitter)

@@ -137,7 +137,7 @@ def test_widths_are_those_of_all_images_where_faces_have_none():
 
 
 @pytest.mark.slow
-def test_what_is_kept_besides_has_the_images_of_ragged_patches():
+def test_kept_regions_are_symmetric_on_a_mesh_without_mirrors():
     """Caps of the globe are picked to an edge of a mesh without its mirrors."""
     made = draft(load_preset("globe", {"surface.edge": 0.07}))
     symmetry, load = made.pattern.even.symmetry, made.statics.load

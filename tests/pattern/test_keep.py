@@ -316,7 +316,7 @@ def test_angles_do_not_shrink_however_often_edges_are_halved():
     assert divided.surface.area == pytest.approx(surface.area, rel=1e-12)
 
 
-def test_points_counted_in_kept_regions_are_near_what_is_cut():
+def test_the_area_of_kept_regions_is_near_the_cut_area():
     surface = holed(0)
     layers = kept_layers(surface, nothing(surface), 0.0, 0.2)
     counted = material_points(surface, layers, face_points(12)).mean(axis=1) @ surface.areas

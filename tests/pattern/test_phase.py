@@ -221,7 +221,7 @@ def test_signs_that_can_agree_do(name):
     assert (flow.sign > 0).mean() > 0.96  # but for some edges at zeros of that field, where it turns fast
 
 
-def test_a_seam_is_about_as_short_as_it_can_be():
+def test_a_seam_has_nearly_the_least_length():
     """Between two half turns, or from one to the nearest boundary: edges that a straight line over faces crosses."""
     plate = jittered(grid(30, 30, 3.0, 3.0), 0.15)
     frames, edge = Frames.for_surface(plate), 0.1
@@ -278,7 +278,7 @@ def test_steps_are_added_along_a_search_as_one_by_one():
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_of_two_phases_half_a_period_apart_it_is_the_one_with_lines_through_the_peaks(seed):
+def test_the_chosen_phase_puts_lines_through_the_peaks(seed):
     """Whatever signs and periods the phases come in, and none where peaks are as near to both."""
     rng = np.random.default_rng(seed)
     z = rng.uniform(-0.5, 0.5, 1000)
@@ -351,7 +351,7 @@ def test_density_is_the_asked_one_on_average():
         assert ring.vertex_areas @ left / ring.area == pytest.approx(1 / 0.4, rel=1e-12)
 
 
-def test_halving_keeps_what_is_left_within_a_power_of_two():
+def test_halving_leaves_a_share_within_a_power_of_two():
     mass = np.full(1000, 1.0)
     u = np.linspace(-0.6, 2.1, 1000)  # 3.9 powers of two
     halved = halving(u, mass)

@@ -55,7 +55,7 @@ def test_straight_stripes_have_their_spacing_openings_and_right_angles():
     assert found.summary.startswith("no dead ends, no slits, members 0.0 degrees off the stress, crossing at 90")
 
 
-def test_what_is_kept_besides_the_stripes_does_not_count():
+def test_kept_regions_do_not_count_in_the_quality_of_stripes():
     surface = square()
     x, y, _ = surface.V.T
     z = y / 0.31, np.where(x < 0, x / 0.2, x / 0.4)
@@ -238,7 +238,7 @@ def test_even_stripes_have_their_width():
     assert METRICS["min_width"](draft(load_preset(DOME_MODES, wide))) == pytest.approx(0.2, rel=0.1)
 
 
-def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsys):
+def test_build_and_inspect_report_the_same_openings(tmp_path, capsys):
     folder = tmp_path / "out"
     few = ("surface.edge=0.8", "pattern.keep=0.5")
     assert build(DOME_MODES, source=Source(few), files=Files(folder, "stl"), pictures=PictureFlags(False)) == 0

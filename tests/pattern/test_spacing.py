@@ -49,7 +49,7 @@ def test_the_mean_spacing_is_area_over_the_length_of_the_middles():
             assert surface.area / np.array(lengths) == pytest.approx(np.full(4, spacing), rel=0.1)
 
 
-def test_a_design_has_the_asked_spacing_and_says_what_the_frequency_became():
+def test_a_design_has_the_requested_spacing_and_reports_the_frequency():
     made = draft(dsfab.load_preset("cantilever", {**SMALL, "surface.edge": 0.04}))
     for k, (name, spacing) in enumerate((("major", 0.07), ("minor", 0.11))):
         x = getattr(made.diffusion, name).mode(1)

@@ -93,14 +93,14 @@ def test_weight_is_counted_in_clear_stress():
         assert off(degrees(given)[0], expected) < 0.5
 
 
-def test_a_tilted_direction_counts_as_far_as_it_is_tangent():
+def test_a_tilted_direction_counts_with_its_tangent_part():
     """At 60 degrees to the plate a direction of length 1 leaves 1/2 on it, the square of which is 1/4."""
     tilted = [*(0.5 * np.array(towards(60))[:2]).tolist(), np.sqrt(0.75)]
     given = pulled(guide=[{"at": {"pick": "all"}, "direction": tilted, "weight": 4 * CLEAR}])
     assert off(degrees(given)[0], 30) < 0.5
 
 
-def test_a_curve_reaches_as_far_as_it_says():
+def test_a_guide_acts_within_its_reach():
     """Beyond its reach the field comes back within the smoothing length, the spacing."""
     curve = [[x, 0.4 + 0.6 * x, 0.0] for x in (-0.5, 0.5, 1.0)]
     found, faces = degrees(pulled(guide=[{"curve": curve, "reach": 0.5, "weight": 100}]))
@@ -207,7 +207,7 @@ def moved(more: dict, turn: np.ndarray, shift: np.ndarray, scale: float) -> dict
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(STEERS))
-def test_what_steers_turns_and_grows_with_the_design(name):
+def test_guides_turn_and_scale_with_the_design(name):
     given = replace(zoo_case("dome"), more=STEERS[name])
     assert difference(given, zoo_case("dome")) > 0.1  # it does steer
     shift = np.array([3.0, -2.0, 1.0])
@@ -219,7 +219,7 @@ def test_what_steers_turns_and_grows_with_the_design(name):
         assert difference(given, other) < 1e-5, scale
 
 
-def test_what_turns_on_a_surface_turns_in_some_images_only():
+def test_a_rotation_keeps_its_sense_in_some_symmetries_only():
     """A plate's own plane is a mirror that leaves the sense alone; half a turn about a line in it is not."""
     surface = grid(8, 8, 2.0, 2.0)
     for words, same in ((["x"], False), (["z"], True), (["rot:2:x"], False), (["rot:2:z"], True)):
@@ -281,7 +281,7 @@ def drafted(**more):
         ),
     ],
 )
-def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
+def test_guides_reduce_the_symmetry_and_the_note_names_the_rest(more, order, told):
     made = drafted(**more)
     symmetry = made.pattern.even.symmetry
     assert (symmetry.order if symmetry else 1) == order
@@ -520,7 +520,7 @@ def test_widths_follow_the_stress_along_the_stripes():
 
 
 @pytest.mark.slow
-def test_auto_leaves_modes_out_where_they_cannot_follow():
+def test_auto_omits_modes_if_guides_or_families_exclude_them():
     for more in ({"rotate": 45}, {"families": "minor"}):
         made = drafted(method="auto", width={"rule": "plain"}, **more)
         note = next(note.text for note in made.notes if note.text.startswith("method auto took"))

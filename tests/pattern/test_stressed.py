@@ -55,7 +55,7 @@ def test_families_are_measured_by_one_scale_and_a_step_at_most_doubles():
     assert evened_grading(plate, one, material * [1e8, 1.0], material, 0.2) == pytest.approx(one * [2.0, 0.5])
 
 
-def test_an_even_sheet_and_one_without_material_stay_as_they_are():
+def test_an_evenly_stressed_or_empty_sheet_keeps_its_grading():
     plate = grid(8, 8, 1.0, 1.0)
     grading = np.random.default_rng(2).uniform(0.1, 2, (plate.n, 2))
     material = np.tile(plate.areas[:, None] * 0.4, 2)

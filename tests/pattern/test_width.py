@@ -204,7 +204,7 @@ def test_widths_in_metres_stay_within_their_bounds_and_grow_with_the_factor(name
             assert (metres <= (low + span) * size * (1 + 1e-12)).all()
 
 
-def test_gaps_are_filled_where_they_are_narrower_than_asked():
+def test_gaps_narrower_than_min_gap_are_filled():
     """Stress s from 0 to 2 along stripes 0.1 apart, d = s / 4 periods: the gap 0.1 (1 - s / 2) is filled under 0.03."""
     plate = grid(100, 20, 2.0, 1.0)
     s = plate.V[:, 0]
@@ -287,7 +287,7 @@ def test_the_factor_for_a_share_is_found_in_few_steps(share, wanted):
 )
 @pytest.mark.parametrize("off", [0.8, 0.97, 1.0, 1.04, 1.3])
 @pytest.mark.parametrize("slope", [0.2, 0.4, 0.8])
-def test_near_a_guess_it_is_found_in_fewer(share, off, slope):
+def test_a_good_first_guess_saves_steps(share, off, slope):
     """The share is wanted that a factor near 1 gives; the slope is a rough one."""
     asked = []
     factor = solved_factor(lambda f: asked.append(f) or share(f), share(off), 4e-4, slope, near_one=True)
@@ -315,7 +315,7 @@ def test_of_a_share_that_jumps_a_little_the_nearest_is_taken():
     assert len(asked) < 18
 
 
-def test_how_far_a_jump_may_miss_is_asked():
+def test_the_search_accepts_a_jump_within_its_tolerance():
     """By .6 %, from .2 % under what is wanted: nearer than .1 % there is nothing."""
 
     def share(f: float) -> float:
@@ -370,7 +370,7 @@ def test_a_small_jump_is_told_too():
 
 
 @pytest.mark.slow
-def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
+def test_competitors_have_the_actual_mass_of_the_design():
     """A plate that carries, of which 43.9 % is wanted and 43.88 % is there."""
     from dsfab.study import compare
 
@@ -457,7 +457,7 @@ def test_cells_agree_with_the_wave_and_the_carried_half_widths(coarse, width):
     assert (material == cells.material)[clear].all()
 
 
-def test_each_family_follows_the_stress_that_it_runs_along(coarse):
+def test_the_width_of_each_family_follows_the_stress_along_it(coarse):
     """Major stripes run along the primary stress; on the sphere the two differ from pole to equator."""
     design = with_width(coarse["globe"], "globe", rule="graded")
     for name, principal in zip(("major", "minor"), design.diffusion.tensors.principal.T, strict=True):
@@ -495,7 +495,7 @@ def test_impossible_presets_are_refused_with_their_key(changes, says):
         dsfab.load_preset(DOME_MODES, {"pattern.width": changes})
 
 
-def test_evenly_spaced_members_of_one_width_leave_no_slit_where_they_crowd():
+def test_crowded_members_of_one_width_leave_no_slit():
     """Three quarters of the lines are 1 m apart, most others 0.35 m, some 0.1 m: around a load these become one."""
     density = np.where(np.arange(400) < 300, 1.0, 1 / 0.35)
     density[-50:] = 1 / 0.1

@@ -21,7 +21,7 @@ from dsfab.preset.surface_section import FileSurface
 SHIPPED = sorted(shipped_presets())
 
 
-def test_a_name_finds_one_preset_in_whichever_folder_it_lies():
+def test_preset_names_are_unique_over_all_folders():
     files = [path.stem for folder in PRESETS for path in folder.glob("*.toml")]
     assert sorted(files) == SHIPPED
     assert {path.parent.name for path in shipped_presets().values()} == {"presets", "paper"}
@@ -230,7 +230,7 @@ def test_a_preset_may_begin_with_a_byte_order_mark(tmp_path):
     assert load_preset(path).surface == load_preset("dome").surface
 
 
-def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
+def test_a_preset_that_needs_a_mesh_is_refused_until_the_mesh_file_exists(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
     for part in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
@@ -281,7 +281,7 @@ def test_presets_are_values():
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_a_material_gives_its_values_and_says_where_they_are_from(name):
+def test_a_material_fills_its_values_and_names_its_source(name):
     statics = load_preset("dome", {"statics.material": name.upper()}).statics
     one = MATERIALS[name]
     assert statics.material == name
@@ -307,7 +307,7 @@ def test_design_strengths_are_characteristic_ones_over_partial_factors():
         assert MATERIALS[name].strength == pytest.approx(megapascals * 1e6, rel=0.01)
 
 
-def test_own_values_win_over_those_of_a_material_and_a_new_material_over_all_old_ones():
+def test_own_values_override_a_material_and_a_new_material_resets_them():
     heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0, "statics.strength": 0})
     assert (heavy.statics.young, heavy.statics.density, heavy.statics.strength) == (210e9, 8000.0, 0.0)
     assert heavy.statics.material_words == "S355, but for density, strength"

@@ -161,7 +161,7 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
         (lambda: dsfab.run(preset(two_roofs(), supports=[dsfab.Support(dsfab.Side("x", "min", 1.0))])), "no support"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(make: Callable[[], object], says: str) -> None:
+def test_invalid_arguments_are_refused_in_one_sentence(make: Callable[[], object], says: str) -> None:
     with pytest.raises(DsfabError, match=says) as caught:
         make()
     assert "\n" not in str(caught.value)
@@ -174,7 +174,7 @@ def two_roofs() -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("thing", [HYPAR, HYPAR.to_trimesh(), HYPAR.to_pyvista(), (HYPAR.V, HYPAR.F), "roof.obj"])
-def test_a_mesh_alone_is_told_what_is_missing(thing: Any) -> None:
+def test_a_preset_of_a_mesh_alone_lists_the_missing_sections(thing: Any) -> None:
     with pytest.raises(
         PresetError, match="supports, loads and a thickness are missing; let dsfab propose them"
     ) as caught:

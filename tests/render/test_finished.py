@@ -54,7 +54,9 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", ["raise MemoryError", "import os; os.abort()", "import time; time.sleep(60)"])
-def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch, two_cores):
+def test_this_process_draws_the_picture_if_the_other_process_fails(
+    program, vault, expected, tmp_path, monkeypatch, two_cores
+):
     file = tmp_path / "program.py"
     file.write_text(program)
     monkeypatch.setattr(design_picture, "SECONDS", 0.5)
@@ -88,7 +90,7 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch, t
     assert not Path(tmp_path / "preview.png").exists()
 
 
-def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tmp_path, monkeypatch, two_cores):
+def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(vault, tmp_path, monkeypatch, two_cores):
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
     monkeypatch.setattr(opengl, "_draws", lambda name: False)
     monkeypatch.setattr(opengl, "_KNOWN", set())

@@ -69,7 +69,7 @@ def test_every_member_goes_up_once_for_each_of_its_layers_lower_layers_first_and
     assert len(steps) <= 12 + 6
 
 
-def test_everything_is_named_where_it_is_looked_for(pages, plan, vault):
+def test_each_page_names_the_parts_that_it_shows(pages, plan, vault):
     built = {part.member for part in plan.parts}
     views = [title for title in pages if title.startswith("Members, ")]
     assert len(views) == 3
@@ -159,7 +159,7 @@ def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
     ).T == pytest.approx(np.eye(3))
 
 
-def test_what_is_near_is_drawn_last():
+def test_near_faces_are_painted_last():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     low, high = (MemberFaces(name, (1, 0, 0), (square + [0, 0, z])[None]) for name, z in (("low", 0), ("high", 1)))
     drawn = painted_faces([high, low], Axonometry.from_angles(UP, -90, 90), {"high": (0, 0, 1)})
@@ -182,7 +182,7 @@ def page(plan, vault):
     return assembly_page(plan, vault)
 
 
-def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan, vault):
+def test_the_page_draws_each_part_at_its_place_on_the_nest(page, plan, vault):
     """Turned and shifted as the page says, the corners of a part are those of its place on the nest."""
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
     assert {one["id"] for one in facts["members"]} == {part.member for part in plan.parts}
@@ -374,7 +374,7 @@ def test_holes_are_on_the_lines_of_their_bolts_and_parts_that_are_too_long_are_f
     assert 2e-3 < wrong < 2e-2
 
 
-def test_strips_are_as_wide_as_their_parts_and_pieces_go_on_where_others_end(plan):
+def test_strips_have_the_width_of_their_parts_and_pieces_follow_each_other(plan):
     strips, parts = {strip.id: strip for strip in refolded_plan(plan).strips}, {part.id: part for part in plan.parts}
     for name, strip in strips.items():
         wide = np.linalg.norm(parts[name].outline - parts[name].outline[::-1], axis=1)[: len(strip.edges)]

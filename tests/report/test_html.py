@@ -36,7 +36,7 @@ def test_words_stand_out_from_the_paper(name, under):
     assert (light + 0.05) / (dark + 0.05) >= 4.5
 
 
-def test_a_page_is_one_file_with_the_style_of_all_and_its_own_after_it():
+def test_a_page_is_one_file_with_the_common_style_before_its_own():
     text = html_page("a < b", "<p>body</p>", "p { margin: 0; }")
     assert "<title>a &lt; b</title>" in text
     assert f"<style>{page_style()}p {{ margin: 0; }}</style>" in text

@@ -27,7 +27,7 @@ def panel():
     return SimpleNamespace(surface=surface, x=x, y=y, load=np.hypot(x, y) < 0.05, held=held)
 
 
-def test_rings_and_spokes_are_counted_where_they_are_known(panel):
+def test_known_rings_and_spokes_are_counted_correctly(panel):
     """Circles r = (k - .2) / 6 and lines x = (j - .5) / 8: a circle meets each line within its radius twice."""
     rings, lines = 6 * np.hypot(panel.x, panel.y) + 0.2, 8 * panel.x + 0.5
     found = web(panel.surface, np.column_stack([rings, lines]), panel.load, panel.held)
@@ -136,7 +136,7 @@ def test_loads_on_loose_pieces_are_not_carried():
     assert finding("web", letter).endswith("; it carries 0% of the load")
 
 
-def test_what_could_not_be_made_is_told_and_claims_nothing():
+def test_a_refused_rendition_has_an_empty_row_and_no_claim():
     none = Rendition("stripes", {}, refused="no stress")
     assert finding("web", none) == ""
     assert rendition_facts(none) == ("none", *[""] * (len(COLUMNS) - 1))

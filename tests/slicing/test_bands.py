@@ -152,7 +152,7 @@ def test_nothing_is_cut_where_all_or_nothing_is_material():
 
 
 @zoo
-def test_areas_are_those_of_polygons_clipped_one_by_one(name):
+def test_band_areas_equal_the_areas_of_clipped_polygons(name):
     surface = ZOO[name]()
     rng = np.random.default_rng(7)
     z = 4 * surface.V[:, 0] / surface.size + 0.4 * rng.normal(size=surface.n)

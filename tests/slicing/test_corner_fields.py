@@ -267,7 +267,7 @@ def halves(wanted_left: float) -> tuple[Surface, list, list]:
 
 
 @pytest.mark.parametrize("snap", [0, 0.05])
-def test_what_is_wanted_in_an_opening_ends_on_its_walls(snap):
+def test_stripes_wanted_in_an_opening_end_on_its_walls(snap):
     plate, fields, levels = halves(1.0)
     sheet = cut(plate, fields, levels, snap)
     check_whole(plate, sheet)

@@ -51,7 +51,7 @@ def material(sheet) -> float:
 
 @pytest.mark.parametrize("half", [0.05, 0.2, 0.45])
 @pytest.mark.parametrize("faces", [(2.5, 3.0), (2.0, 2.5)])
-def test_a_stripe_goes_on_across_a_face_without_a_phase_as_wide_as_it_is(panel, faces, half):
+def test_a_stripe_crosses_a_face_without_phase_at_its_full_width(panel, faces, half):
     """The straight lines between its two ends are its own edges: no corner of the face stays, none is missing."""
     blank = between(panel, *faces)
     assert blank.sum() == 1
@@ -83,7 +83,7 @@ def test_a_node_is_a_joint_as_a_crossing_is(panel):
 
 
 @pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
-def test_an_end_at_a_corner_is_one_whichever_way_its_neighbours_see_it(turned):
+def test_a_stripe_end_at_a_corner_is_counted_once(turned):
     """A stripe along x - y = 1 enters a blank face at its corner (2, 1) and leaves it across the side that is opposite:
     two ends, though the faces below and to the left both see the first one at the corner."""
     plate = grid(5, 3, 5.0, 3.0)

@@ -83,7 +83,7 @@ def test_corners_stay_and_vertices_of_the_surface_too():
     assert square[0] == square[1] > 8
 
 
-def test_without_walls_or_with_straight_ones_nothing_is_done():
+def test_fairing_leaves_straight_walls_unchanged():
     plate = grid(6, 6, 1.0, 1.0)
     whole = cut(plate, [plate.V[:, 0]], [[-1.0]])
     assert faired_walls(whole) is whole

@@ -115,7 +115,7 @@ def test_a_pointed_tip_without_a_corner_of_its_own_is_rounded():
     check_added(plate, ellipse, done)
 
 
-def test_a_round_slot_is_left_as_it_is_by_a_smaller_radius():
+def test_a_fillet_smaller_than_a_round_slot_changes_nothing():
     plate = grid(150, 150, 1.0, 1.0)
     x, y = plate.V[:, :2].T
     sheet = cut(plate, [np.hypot(np.clip(np.abs(x - 0.5) - 0.2, 0, None), y - 0.5)], [[0.04]], snap=0)
@@ -272,7 +272,7 @@ def test_nothing_is_filled_along_a_fold():
         (3000.0, r"no corner of an opening was rounded: none has room for a radius of 3 km \(pattern.fillet\)"),
     ],
 )
-def test_what_became_of_the_radius_is_told(radius, told):
+def test_a_build_reports_the_fillet_radius_that_it_reached(radius, told):
     """Millimetres for metres are seen: nothing is rounded, and that is said."""
     made = dsfab.run(dsfab.load_preset(BARREL_VAULT_MODES, {"surface.edge": 0.5, "pattern.fillet": radius}))
     assert any(re.fullmatch(told, note.text) for note in made.notes)

@@ -112,7 +112,7 @@ def _at_vertices(given, k: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_what_is_wanted_and_left_sums_to_the_faces(seed):
+def test_wanted_and_left_areas_sum_to_the_area_of_the_faces(seed):
     surface, _, _, given = example(seed)
     area = given.mesh.cells.areas(given.mesh.X)[0]
     assert area.sum() == pytest.approx(surface.area, rel=1e-9)
@@ -136,14 +136,14 @@ def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     return (np.bincount(ring, area * given.level[:, 0]) / np.bincount(ring, area)).tolist()
 
 
-def test_what_a_part_of_an_opening_wishes_over_the_most_counts_where_that_is_more_even():
+def test_the_mean_wish_of_an_opening_counts_if_it_makes_stripes_more_even():
     """In three rings every other face wishes for 2.7 halvings, the others for 0.5: for 1.6 in the mean, and for 0.75
     if only one is counted; then what is wished for and what is done would be 2.7 powers of two apart, not 2.2."""
     levels = ring_levels(lambda r: np.where(r < 3.6, np.where(np.arange(len(r)) % 2, 2.7, 0.5), 0.0))
     assert levels == pytest.approx([1, 1, 1, 0, 0], abs=0.03)
 
 
-def test_it_does_not_count_where_that_gains_little():
+def test_the_mean_wish_of_an_opening_is_ignored_if_it_gains_little():
     """A fortieth of the area wishes for 1.6 and 0.8 halvings: 1.2 in the mean, and 0.9 where one is the most."""
     assert ring_levels(lambda r: np.where(r < 1.63, np.where(np.arange(len(r)) % 2, 1.6, 0.8), 0.0)) == [0] * 5
 
@@ -242,7 +242,7 @@ def test_openings_that_are_alike_are_halved_alike(means, wanted):
     assert split_value(np.array(means), 1, 0.05) == pytest.approx(wanted)
 
 
-def test_things_that_are_alike_are_found_as_by_sorting_all():
+def test_equal_rows_are_grouped_as_by_numpy_unique():
     """Against numpy: the same groups, in the order in which they come first."""
     rng = np.random.default_rng(4)
     key = rng.integers(0, 40, 300)

@@ -22,7 +22,7 @@ def striped(surface: Surface, x: np.ndarray, stripes: Stripes):
     return sheet, edges, centre_lines(sheet, "major", z, np.full(surface.n, stripes.half_width))
 
 
-def test_stripes_on_a_plate_are_straight_and_as_long_as_it_is_wide():
+def test_stripes_on_a_plate_are_straight_and_span_its_width():
     """x = position along 2 m, two stripes per metre at half a period: members 0.25 m wide, middles every 0.5 m."""
     plate = jittered(grid(16, 9, 2.0, 1.0))
     _, edges, centre = striped(plate, plate.V[:, 0].copy(), Stripes(2.0, phase=0.5))
@@ -129,7 +129,7 @@ def test_a_level_through_vertices_and_along_edges_is_drawn_once():
     assert (around.points[0] == around.points[-1]).all()
 
 
-def test_every_chord_lies_in_the_face_it_names():
+def test_each_chord_lies_in_its_face():
     surface = sphere(2)
     for track in level_lines(surface, surface.V @ [0.3, 0.5, 0.8], np.linspace(-0.9, 0.9, 7)):
         corners = surface.V[surface.F[track.faces]]

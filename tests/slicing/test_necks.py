@@ -95,7 +95,7 @@ def folded_opening(half: float) -> tuple[Surface, Sheet]:
 
 
 @pytest.mark.parametrize("half", [0.01, 0.02])
-def test_a_passage_around_a_fold_is_bridged_where_it_is_measured(half):
+def test_a_narrow_passage_around_a_fold_is_bridged(half):
     plate, sheet = folded_opening(half)
     assert bridged_necks(sheet, WIDTH)[1] == 0  # flat, it is not seen
     gaps = narrow_gaps(sheet, 0.9 * WIDTH, 2 * WIDTH)

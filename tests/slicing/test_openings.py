@@ -171,7 +171,7 @@ def test_small_openings_between_thin_members_are_no_crumbs(member, count):
     assert filled_crumbs(cells)[1] == count
 
 
-def test_few_openings_do_not_say_what_is_usual(monkeypatch):
+def test_few_openings_give_no_usual_size(monkeypatch):
     cells = grid_of(square(), 0.2)
     assert filled_crumbs(cells) == (cells, 0)
     monkeypatch.setattr(openings, "CRUMB", 5.0)  # all of them

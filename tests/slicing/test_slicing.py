@@ -62,7 +62,7 @@ def test_stripes_of_a_plate_have_exact_areas(count):
     check_laws(plate, sheet)
 
 
-def test_two_crossing_families_cover_what_neither_leaves_free():
+def test_two_crossing_families_cover_the_union_of_their_stripes():
     plate = jittered(grid(6, 6, 1.0, 1.0))
     along, across = np.array([0.11, 0.31, 0.47, 0.92]), np.array([0.05, 0.13, 0.38, 0.71, 0.83])
     a, b = 0.2 + 0.45, 0.08 + 0.33 + 0.17
@@ -203,7 +203,7 @@ def test_degenerate_values_follow_the_rule(values, levels, cells, families):
 
 
 @pytest.mark.parametrize("distance", [1e-15, 1e-11])
-def test_line_very_near_a_vertex_goes_through_it(distance):
+def test_a_line_very_near_a_vertex_snaps_to_it(distance):
     plate = grid(4, 4, 1.0, 1.0)
     exact = cut(plate, [plate.V[:, 0]], [[0.5]], snap=0)
     near = cut(plate, [plate.V[:, 0]], [[0.5 + distance]], snap=0)

@@ -61,14 +61,14 @@ def test_a_bar_across_one_opening_is_cut_off_at_both_members():
     assert not ((x > 2.1) & (x < 2.9) & (y > FRAME) & (y < HIGH - FRAME)).any()
 
 
-def test_it_stays_where_the_opening_would_be_large():
+def test_a_stub_stays_if_its_removal_opens_a_large_gap():
     posts = [1.0, 4.0]
     sheet = sheet_of(posts, 1.5, 2.45)
     assert sheet.stubs == 0
     assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
 
 
-def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(monkeypatch):
+def test_a_stub_that_parts_an_eyelet_is_removed(monkeypatch):
     """Without it an opening is 1.3 x 2.8, over twice the size of most; it parts one of 1.97 from one of .53 height."""
     posts = [1.0, 2.5, 3.5, 4.4]
     sheet = sheet_of(posts, 2.22, 1.7)
@@ -78,7 +78,7 @@ def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(mon
     assert sheet_of(posts, 2.22, 1.7).stubs == 0
 
 
-def test_what_divides_good_openings_stays(monkeypatch):
+def test_a_bar_between_two_good_openings_stays(monkeypatch):
     """Both halves are larger than most, though the opening without it would be no larger than is allowed."""
     posts = [1.0, 2.0, 3.0, 4.18]
     sheet = sheet_of(posts, 1.5, 3.45)
@@ -88,7 +88,7 @@ def test_what_divides_good_openings_stays(monkeypatch):
     assert sheet_of(posts, 1.5, 3.45).stubs == 1
 
 
-def test_what_holds_the_sheet_together_stays():
+def test_a_bar_that_holds_the_sheet_together_stays():
     """Posts without the edges hang on the stripe alone."""
     assert sheet_of([1.0, 2.0, 3.0, 4.0], 1.5, 2.45, kept_edges=False).stubs == 0
 
@@ -104,7 +104,7 @@ def test_no_end_is_made():
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(0.5, 1.4), min_size=3, max_size=6), st.floats(1.36, 1.64), st.integers(2, 17))
-def test_it_is_a_whole_bar_or_nothing(steps, y, column):
+def test_a_bar_between_two_posts_is_removed_as_a_whole_or_not_at_all(steps, y, column):
     """Posts anywhere, the node in any face of the middle row: the sheet is one piece, and the bar between two posts is
     gone from one to the other, or is all there."""
     posts = [float(p) for p in np.cumsum(steps) if p < LONG - 0.4]
@@ -119,7 +119,7 @@ def test_it_is_a_whole_bar_or_nothing(steps, y, column):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "least", "gone"), [("roof", 3, (4.16, 0.99)), ("terrain", 4, (1.4, 22.3))])
-def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, gone, tmp_path, monkeypatch):
+def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least, gone, tmp_path, monkeypatch):
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
     mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)

@@ -54,7 +54,7 @@ def test_without_it_the_end_stays(panel):
     assert material_area(panel, drawn, levels, 0) / panel.area > 0.27 + 0.2 * 0.19
 
 
-def test_what_reaches_the_boundary_stays(panel):
+def test_a_stripe_that_reaches_the_boundary_stays(panel):
     drawn, levels = fields(panel, ends_at=2.0)
     whole = material_area(panel, drawn, levels, 0)
     assert material_area(panel, drawn, levels, 0, tidy(panel, near(panel, 0.95, 1.0))) == pytest.approx(whole)
@@ -88,7 +88,7 @@ def test_a_crossing_whose_other_member_has_gone_holds_no_end(panel):
     assert kept == pytest.approx(2 * 0.1 + 0.2 * 0.55 - 2 * 0.1 * 0.2, abs=1e-9)
 
 
-def test_an_end_that_touches_two_others_beside_each_other_is_held_in_one_place(panel):
+def test_an_end_that_touches_two_neighbouring_ends_has_one_anchor(panel):
     """A stripe ends in the corner between two that end there as well: each has the other on one of its sides."""
     x, y = panel.V[:, 0] / np.ptp(panel.V[:, 0]), panel.V[:, 1] / np.ptp(panel.V[:, 1])
     frame = np.minimum(x, y)  # kept along two edges of the plate, and a square bite in its corner is the other part
@@ -103,7 +103,7 @@ def test_an_end_that_touches_two_others_beside_each_other_is_held_in_one_place(p
     assert whole > kept * 1.2
 
 
-def test_a_stripe_that_meets_another_before_a_singular_point_is_divided_as_one_that_meets_it():
+def test_stripes_that_overlap_before_a_singular_point_are_divided_at_a_crossing():
     """Where both overlap it belongs to both: later members are to divide it as well, so that it has crossings."""
     strip = grid(6, 1, 6.0, 1.0)
     square = strip.V[strip.F].mean(axis=1)[:, 0].astype(int)

@@ -57,7 +57,7 @@ def test_a_waist_becomes_as_wide_as_asked(waist, seed):
     assert 0 < gain < 1.1 * (WIDTH - waist) * 0.3
 
 
-def test_what_is_wide_enough_and_what_is_as_narrow_everywhere_stays():
+def test_members_that_are_wide_enough_or_evenly_narrow_stay():
     plate = grid(40, 40, 1.0, 1.0)
     wide = waisted(plate, 0.06)
     assert widened_members(wide, wide, WIDTH) == (wide, 0)

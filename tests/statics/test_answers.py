@@ -99,7 +99,7 @@ def test_elements_that_are_not_verified_are_not_reported_from():
     assert any("those of hybrid+hhj elements" in text and "constant+midedge is not accurate" in text for text in told)
 
 
-def test_what_is_not_asked_costs_no_solve(factorisations):
+def test_answers_that_are_not_requested_cost_no_solution(factorisations):
     made = small()
     assert len(factorisations) == 1
     answers = made.statics.answers
@@ -165,7 +165,7 @@ def test_modes_that_cannot_be_found_are_notes_and_the_design_is_made():
     assert any("need a material with a density" in note.text for note in light.notes)
 
 
-def test_a_sheet_that_is_held_in_its_plane_alone_is_taken_to_be_held_upright_and_told():
+def test_a_sheet_held_only_in_its_plane_is_held_upright_with_a_note():
     """The cantilever swings as one that is built in: 3.5160 sqrt(D / (m L^4)) of a strip, a little more as a plate."""
     asked = {"surface.edge": 0.1, "statics.frequencies": 1, "statics.buckling": 1, "statics.density": 1000.0}
     made = draft(load_preset("cantilever", asked))
@@ -179,7 +179,7 @@ def test_a_sheet_that_is_held_in_its_plane_alone_is_taken_to_be_held_upright_and
     assert np.abs(answers.buckling.shapes[0][:, 2]).max() > 0.99
 
 
-def test_a_sheet_in_its_plane_buckles_out_of_it(factorisations):
+def test_a_plane_sheet_buckles_out_of_its_plane(factorisations):
     """Held over a strip of faces, it cannot turn about their edge."""
     strip = {"at": {"pick": "box", "min": [-1.0, -0.5, -1.0], "max": [-0.85, 0.5, 1.0]}, "hold": "xyz"}
     asked = {"surface.edge": 0.1, "surface.support": [strip], "statics.buckling": 2, "statics.frequencies": 1}
@@ -194,7 +194,7 @@ def test_a_sheet_in_its_plane_buckles_out_of_it(factorisations):
     assert answers.stress.peak.layer == "middle"
 
 
-def test_what_is_only_stretched_does_not_buckle():
+def test_a_sheet_under_tension_does_not_buckle():
     end = {"pick": "side", "axis": "x", "end": "min"}
     pull = {"kind": "line", "at": {"pick": "side", "axis": "x", "end": "max"}, "per_metre": [1e4, 0.0, 0.0]}
     supports = [{"at": end, "hold": "x"}, {"at": {"pick": "all"}, "hold": "yz"}]
@@ -206,7 +206,7 @@ def test_what_is_only_stretched_does_not_buckle():
     assert made.statics.answers.stress.largest == pytest.approx(1e6)
 
 
-def test_a_load_beyond_strength_or_buckling_is_told():
+def test_a_load_beyond_strength_or_buckling_gives_a_note():
     made = small(thickness=0.02, strength=1e3, buckling=1, bending="midedge", young=1e6)
     texts = [note.text for note in made.notes]
     share = made.statics.answers.stress.peak.stress / 1e3
@@ -223,7 +223,7 @@ def test_presets_ask_within_reason(key, value):
 
 
 @pytest.mark.slow
-def test_a_build_writes_the_answers_and_tells_them(tmp_path, capsys):
+def test_a_build_writes_and_prints_the_statics_answers(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, **ALL, "export.formats": ["stl"]}.items()]
     assert (
         build(DOME_MODES, source=Source(tuple(sets)), files=Files(tmp_path / "out"), pictures=PictureFlags(False)) == 0

@@ -100,7 +100,7 @@ def test_distinct_numbers_are_numpys(dtype):
     assert np.array_equal(distinct(ends[[1, 0, 1]]), ends)
 
 
-def test_what_is_not_among_indices_is_the_rest():
+def test_the_complement_of_indices_is_complete():
     for taken in ([], [3], [5, 0, 2], range(7)):
         indices = np.array(taken, dtype=np.int64)
         assert np.array_equal(complement(indices, 7), np.setdiff1d(np.arange(7), indices))

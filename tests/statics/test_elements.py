@@ -182,7 +182,7 @@ def hub(*degrees: float, order=None) -> Surface:
         ((0, 180, 45, 135), 90),
     ],
 )
-def test_the_normal_of_an_edge_is_the_mean_of_its_faces_or_the_line_nearest_to_them(degrees, normal):
+def test_the_normal_of_an_edge_is_the_mean_or_the_best_line_of_its_face_normals(degrees, normal):
     expected = np.array([np.cos(np.radians(normal)), 0, np.sin(np.radians(normal))])
     for order in (None, np.arange(len(degrees))[::-1]):
         for surface in (hub(*degrees, order=order), with_mixed_corners(hub(*degrees, order=order))):

@@ -103,7 +103,7 @@ def supported_and_pushed(cells, elements, count=3):
     return answer.factor * 1e3 / (np.pi**2 * STEEL.bending_stiffness(H))
 
 
-def test_a_supported_plate_pressed_one_way_buckles_at_k_4_and_midedge_gets_there_from_below_at_rate_two():
+def test_a_plate_pressed_in_one_direction_buckles_at_k_4_with_rate_two():
     """(m + 1/m)^2 for m = 1, 2, 3 half waves [Bryan 1891; Timoshenko and Gere 1961]."""
     k = np.array([supported_and_pushed(cells, MIDEDGE) for cells in (8, 16, 32)])
     assert (k[:, 0] < 4).all()
@@ -259,7 +259,7 @@ def test_a_dense_solver_finds_the_same_on_a_curved_sheet(elements, solver, monke
     assert_allclose(answer.hertz, 1 / (2 * np.pi * np.sqrt(mu[:5])), rtol=1e-6)
 
 
-def test_what_has_no_modes_is_refused():
+def test_a_plate_without_free_unknowns_has_no_modes():
     s, fixed = supported_plate(2)
     with pytest.raises(StaticsError, match="need a material with a density"):
         frequencies(SheetModel(s, Material(1e9, 0.3), H), fixed)

@@ -72,7 +72,7 @@ def same(one: object, two: object) -> None:
     assert np.array_equal(np.asarray(one), np.asarray(two))
 
 
-def test_what_was_kept_comes_back(design, tmp_path):
+def test_an_archived_design_reads_back_equal(design, tmp_path):
     path = write_archive(design, tmp_path)
     back = read_archive(tmp_path, design.preset)
     assert path == tmp_path / NAME
@@ -160,7 +160,7 @@ def a_stage_ran(capsys, *words: str) -> bool:
     return "AssertionError: a stage ran" in text
 
 
-def test_step_options_leave_the_design_as_it_is_and_others_make_it_again(folder, poisoned, tmp_path, capsys):
+def test_an_export_runs_stages_again_only_for_keys_of_the_design(folder, poisoned, tmp_path, capsys):
     target = ["-o", str(tmp_path / "a.obj")]
     assert main(["export", str(folder), *target, "--step", "faceted", "--max-faces", "9"]) == 0
     for change in ("statics.thickness=0.02", "pattern.major.frequency=5", "slicing.snap=0.0"):

@@ -25,7 +25,7 @@ def kinds(checked):
     return {fault.kind: fault.count for fault in checked.soundness.faults}
 
 
-def test_a_box_measures_what_it_measures(tmp_path):
+def test_the_check_of_a_box_gives_its_exact_measures(tmp_path):
     checked = check_file(stl(tmp_path / "a.stl", *PLATE), density=7850.0)
     assert checked.has_passed
     assert checked.soundness.watertight
@@ -37,7 +37,7 @@ def test_a_box_measures_what_it_measures(tmp_path):
     assert verdicts(checked) == {"solid": "pass", "unit": "pass"}
 
 
-def test_walls_and_gaps_of_two_boxes_are_where_they_are():
+def test_walls_and_gaps_of_two_boxes_are_located_exactly():
     two = joined(box((0, 0, 0), (1, 1, 0.02)), box((0, 0, 0.023), (1, 1, 0.03)))
     found = clearances(*two)
     assert found.wall.size == pytest.approx(0.007)
@@ -112,7 +112,7 @@ def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
         ("text.stl", b"solid nothing\nendsolid", "no faces"),
     ],
 )
-def test_what_cannot_be_read_is_one_sentence(tmp_path, capsys, name, content, words):
+def test_an_unreadable_file_is_refused_in_one_sentence(tmp_path, capsys, name, content, words):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -209,7 +209,7 @@ def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_
     )
 
 
-def test_without_the_extra_the_solid_part_says_how_to_get_it(design, tmp_path, monkeypatch):
+def test_without_the_check_extra_the_error_names_the_package_to_install(design, tmp_path, monkeypatch):
     import importlib.util
 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
@@ -251,7 +251,7 @@ def test_planar_faces_may_be_simplified_and_curved_ones_are_off_by_chords(design
 
 
 @pytest.mark.slow
-def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_path, monkeypatch):
+def test_check_accepts_a_smooth_file_of_a_coarse_mesh_as_build_does(tmp_path, monkeypatch):
     """It is farther off the mesh than a twentieth of the thickness: the mesh cuts the vault's curve short. That OCCT
     does not cut it is told, and no fault of the solid."""
     monkeypatch.setattr(file_check, "cut_fault", lambda path, faces: (f"{faces} faces", []))
@@ -267,7 +267,7 @@ def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("gap", "sound"), [(0.1, True), (-0.1, False)])
-def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_path, gap, sound):
+def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(tmp_path, gap, sound):
     """A pin in a tube of .4 m, narrower or wider by .1 mm, and turned: chords of the tube reach into the pin."""
     from build123d import Axis, Compound, Cylinder, export_step
 

@@ -50,7 +50,7 @@ def test_a_comparison_is_shown_in_a_line_each(compared):
     assert repr(lost).splitlines()[-1].split() == ["grid", "does", "not", "carry", "the", "loads"]
 
 
-def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):
+def test_loads_on_the_cut_sheet_keep_their_resultant(cantilever):
     load = sheet_load(cantilever.surface, cantilever.sheet, cantilever.load)
     assert load.force.sum(axis=0) == pytest.approx(cantilever.load.force.sum(axis=0), rel=1e-12)
     held = cantilever.sheet.surface.V[load.supported]
@@ -140,7 +140,7 @@ def test_the_cantilever_is_stiffer_than_structures_that_do_not_know_the_stress(c
     assert (spread.tried, spread.carried) == (6, 6)  # pairs of three modes, for both families are striped alike
 
 
-def test_what_is_told_of_a_structure_is_in_equilibrium_with_its_loads(cantilever, compared):
+def test_the_reactions_of_each_competitor_balance_its_loads(cantilever, compared):
     for one in compared.competitors:
         (case,) = one.judgement.cases.values()
         assert np.sum(case.reactions, axis=0) == pytest.approx(-cantilever.load.force.sum(axis=0), abs=1e-3)

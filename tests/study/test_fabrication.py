@@ -47,7 +47,7 @@ def test_limits_change_nothing_but_the_report(cantilever):
     assert verdicts(limited).keys() == {"min_member"}
 
 
-def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(cantilever):
+def test_workshop_limits_are_checked_if_the_pattern_keeps_them(cantilever):
     """A quarter and half of 10 mm; 3 mm is more than the first."""
     cantilever = dsfab.revise(cantilever, with_overrides(cantilever.preset, {"pattern.workshop": True}))
     usual = {check.name: (check.limit[0], check.verdict, check.asked) for check in fabrication(cantilever).checks}
@@ -67,7 +67,7 @@ def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(cantilever):
     assert usual_gap(0.0001, 0.5) == pytest.approx(0.001)
 
 
-def test_each_limit_passes_below_and_fails_above_what_was_measured(cantilever):
+def test_each_limit_passes_below_and_fails_above_the_measured_value(cantilever):
     made = fabrication(cantilever)
     sizes = {"min_member": made.features.member.size, "min_gap": made.features.gap.size}
     sizes["min_wall"] = made.wall.thickness
@@ -94,7 +94,7 @@ def test_slits_are_closed_without_needles_on_the_same_material():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tidy", [True, False])
-def test_what_closing_openings_adds_is_in_the_share(tidy):
+def test_the_share_of_material_includes_closed_openings(tidy):
     """Openings under 40 mm are closed: of tidied stripes that is 3.5 % of the plate."""
     thick = {"surface.edge": 0.1, "statics.thickness": 0.16, "pattern.tidy": tidy, "pattern.workshop": True}
     design = Design.from_preset(dsfab.load_preset("cantilever", thick)).until("slicing")
@@ -112,7 +112,7 @@ def test_what_closing_openings_adds_is_in_the_share(tidy):
         ({"pattern.method": "modes", "pattern.workshop": True}, True),
     ],
 )
-def test_evenly_spaced_stripes_keep_to_what_a_workshop_makes_unless_told(cantilever, changes, kept):
+def test_evenly_spaced_stripes_keep_workshop_limits_by_default(cantilever, changes, kept):
     preset = with_overrides(cantilever.preset, changes)
     assert preset.pattern.for_workshop == kept
     assert any(least_widths(preset, cantilever.surface)) == kept
@@ -139,7 +139,7 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "words"), [("climbing_hold", "were closed"), ("bob", "were widened")])
-def test_figures_of_the_paper_become_what_a_workshop_makes_if_asked(name, words):
+def test_figures_of_the_paper_meet_workshop_limits_on_request(name, words):
     """Slits of .16 mm and tips in a sheet of 2 mm; members of 5.5 mm in one of 12."""
     given = dsfab.load_preset(name)
     plain = dsfab.run(given)
@@ -157,7 +157,7 @@ def test_a_solid_may_lie_on_any_side_of_the_bed(cantilever):
     assert verdicts(with_limits(cantilever, bed=[0.02, 1.9, 1.1])) == {"bed": "fail"}
 
 
-def test_what_nobody_should_build_is_refused(cantilever):
+def test_a_film_or_a_gap_that_no_machine_makes_is_refused(cantilever):
     require_fit(cantilever)
     film = replace(cantilever.solid.repairs, thinnest=0.01, thinnest_at=(0.0, 0.0, 0.0))
     known = {name: getattr(cantilever, name) for name in ("surface", "statics", "diffusion", "pattern", "slicing")}
@@ -189,7 +189,7 @@ def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):
     assert load_preset(tmp_path / "out" / "preset.toml").fabrication.accept
 
 
-def test_pieces_tell_which_supports_and_loads_they_touch(cantilever):
+def test_each_piece_lists_its_supports_and_loads(cantilever):
     made = fabrication(cantilever)
     assert [(piece.supports, piece.loads) for piece in made.pieces] == [((1,), (1,))]
     assert made.pieces[0].area == pytest.approx(cantilever.sheet.surface.area)
@@ -229,7 +229,7 @@ def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
     assert "touches gate, support 3\n" in f"{told}\n"
 
 
-def test_refuse_builds_what_is_in_one_piece(cantilever):
+def test_the_option_refuse_accepts_a_design_in_one_piece(cantilever):
     whole = {"pattern.major.threshold": -1.0, "pattern.width": {}}
     same = dsfab.revise(cantilever, with_overrides(cantilever.preset, {**whole, "slicing.loose": "refuse"}))
     assert len(same.slicing.pieces) == 1
@@ -291,7 +291,7 @@ def test_a_roof_with_graded_members_has_no_slit():
     assert gaps[1] < 0.02
 
 
-def test_what_is_narrower_than_the_sheet_is_thick_is_told_with_its_place(cantilever):
+def test_features_narrower_than_the_thickness_are_reported_with_their_place(cantilever):
     thick = dsfab.revise(cantilever, with_overrides(cantilever.preset, {"statics.thickness": 0.05}))
     facts = fabrication_facts(fabrication(thick))
     (line,) = [line for line in fabrication_lines(facts) if line.startswith("narrower than the sheet is thick (50 mm)")]
@@ -309,7 +309,7 @@ def test_what_is_narrower_than_the_sheet_is_thick_is_told_with_its_place(cantile
     assert not [line for line in fabrication_lines(wide) if line.startswith("narrower")]
 
 
-def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monkeypatch):
+def test_specks_between_evenly_spaced_stripes_are_filled_by_default(monkeypatch):
     even = {
         "pattern.method": "stripes",
         "surface.edge": 0.12,
@@ -331,7 +331,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
 
 
 @pytest.mark.slow
-def test_fix_meets_the_limits_and_names_what_it_changed(cantilever):
+def test_fix_meets_the_limits_and_lists_its_changes(cantilever):
     before = with_limits(cantilever, min_member=0.03, min_gap=0.02)
     assert fabrication(before).failed_checks
     done = fixed_design(before)
@@ -348,7 +348,7 @@ def test_fix_meets_the_limits_and_names_what_it_changed(cantilever):
 @pytest.mark.parametrize(
     ("limits", "words"), [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")]
 )
-def test_fix_says_what_no_pattern_can_change(cantilever, limits, words):
+def test_fix_names_limits_that_no_pattern_can_meet(cantilever, limits, words):
     with pytest.raises(PatternError, match=words):
         fixed_design(with_limits(cantilever, **limits))
 

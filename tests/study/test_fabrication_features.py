@@ -303,5 +303,5 @@ def test_the_wall_of_a_very_small_solid_is_found_too():
     assert thinnest_wall(solid).thickness == pytest.approx(1e-4, rel=1e-9)
 
 
-def test_what_was_widened_to_a_limit_is_not_under_it_for_rounding():
+def test_a_width_within_rounding_of_the_limit_passes():
     assert below_limit(np.array([0.1, 0.1 - 1e-8, 0.1 - 1e-6]), 0.1).tolist() == [False, False, True]

@@ -149,7 +149,7 @@ def test_a_window_gives_each_half_to_the_rib_beside_it():
     assert arrived == pytest.approx(100.0 * (2 * 0.25 + 2.0) * 3.0 * DOWN, rel=1e-9)
 
 
-def test_a_covering_that_is_loaded_on_one_side_lies_on_both_ribs_and_on_no_others():
+def test_a_pane_that_is_loaded_on_one_side_rests_on_its_two_ribs():
     """2.5 m of window: the two reactions of a simply supported pane, not the nearest halves; what is further stays."""
     surface = grid(64, 8, 8.0, 1.0)
     sheet = frame(surface, (1.0, 3.5), (-1, 9))
@@ -268,7 +268,7 @@ def test_no_window_is_too_wide_for_weight_and_snow(name):
     assert arrived == pytest.approx(total, abs=1e-9 * abs(total[2]))
 
 
-def test_what_is_told_says_which_sheet_it_is_of():
+def test_each_reported_weight_names_its_sheet():
     """The table of loads, design.json, the note after the cut and the CalculiX model: both weights, closed forms."""
     given = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0})
     glass = [{"kind": "cladding", "pressure": 250.0}, {"kind": "wind", "pressure": 500.0, "direction": [1, 0, 0],
@@ -307,7 +307,7 @@ def test_what_is_told_says_which_sheet_it_is_of():
     assert not any("overed" in text for text in words)
 
 
-def test_a_preset_without_weight_hears_nothing_of_it():
+def test_a_preset_without_weight_gives_no_note_of_weight():
     design = sliced(dsfab.load_preset("cantilever", {"surface.edge": 0.2}))
     assert not any("weigh" in note.text for note in design.notes)
     assert (design.load.parts.point == design.load.force).all()

@@ -150,7 +150,7 @@ def test_a_ladder_that_is_cut_out_of_a_wall_is_a_column_of_its_chords():
     assert found.assumed == HELD_ACROSS
 
 
-def test_supports_that_hold_out_of_the_plane_already_and_sheets_that_bend_stay_as_they_are():
+def test_sheets_that_are_held_out_of_plane_keep_their_supports():
     surface = wall(2, 6)
     load = standing(surface, BASE).loads["dead"]
     across = mode_supports(surface, load)

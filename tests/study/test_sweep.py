@@ -157,7 +157,7 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
     assert METRICS["sheet_mass"](whole) == pytest.approx(METRICS["mass"](whole), rel=0.02)
 
 
-def test_what_a_later_section_does_not_change_is_made_once():
+def test_runs_share_the_stages_before_the_first_varied_key():
     thinner = Design.from_preset(
         dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "export.step_faces": 9})
     )
@@ -169,7 +169,7 @@ def test_what_a_later_section_does_not_change_is_made_once():
     assert not Design.from_preset(other, after).has("slicing")
 
 
-def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():
+def test_stripes_by_spacing_equal_stripes_by_the_same_frequency():
     asked = {**COARSE_KEYS, "pattern.major.frequency": 0.0, "pattern.major.spacing": 0.8}
     spaced = Design.from_preset(dsfab.load_preset(DOME_MODES, asked))
     frequency = spaced.pattern.frequency[0]

@@ -56,7 +56,7 @@ def cluster(folder):
             process.wait()
 
 
-def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
+def test_a_missing_scheduler_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.study.sweeps.workers.SECONDS", 0.3)
     with pytest.raises(DsfabError, match="no Dask scheduler answers at tcp://127"):
         DaskWorkers(None, "tcp://127.0.0.1:9")
@@ -64,7 +64,7 @@ def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="kills a group of processes")
-def test_a_cluster_gives_what_this_machine_gives_and_survives_the_death_of_a_worker(tmp_path):
+def test_a_cluster_gives_the_local_results_even_if_a_worker_dies(tmp_path):
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / 10 for i in range(10)]})
     swept(tmp_path / "here", many)
     folder = sweep_folder(tmp_path / "there")

@@ -94,7 +94,7 @@ def test_a_sample_stays_the_same_sample(tmp_path):
         swept(tmp_path, turned)
 
 
-def test_it_goes_on_where_it_was_interrupted(tmp_path):
+def test_an_interrupted_sweep_resumes(tmp_path):
     swept(tmp_path / "whole", plan())
     count = iter(range(100))
 
@@ -235,7 +235,7 @@ def test_a_worker_that_cannot_even_begin_is_a_death_like_any(tmp_path):
     assert states(tmp_path) == ["done"] * 8
 
 
-def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypatch):
+def test_lack_of_memory_is_reported_only_if_the_kernel_counts_it(tmp_path, monkeypatch):
     """No guess: the kernel counts the processes that it ends for want of memory."""
     kills = [7]
     monkeypatch.setattr(local, "memory_kills", lambda: kills[0])
@@ -260,7 +260,7 @@ def test_a_design_that_cannot_be_made_is_recorded_with_its_reason(tmp_path):
     assert sorted(path.name for path in (tmp_path / "logs").iterdir()) == ["00002.txt"]
 
 
-def test_what_was_measured_before_a_failure_is_kept(tmp_path):
+def test_a_failed_run_keeps_the_metrics_measured_before(tmp_path):
     """Rings alone: there is an area, but nothing that carries the load to the ground."""
     rings = {"pattern.minor.threshold": [1.0], "pattern.major.frequency": [9.0], "slicing.loose": ["keep"]}
     swept(tmp_path, plan(vary=rings, metrics=["kept_share", "compliance_quick", "pieces"]))

@@ -51,7 +51,7 @@ def test_every_run_is_taken_once_and_few_are_solved_twice(workers, shape):
     assert max(map(len, taken.values())) - min(map(len, taken.values())) <= 1  # nobody is idle
 
 
-def test_a_run_that_was_lost_and_the_row_of_a_worker_that_left_are_taken_by_others():
+def test_lost_runs_and_rows_of_lost_workers_go_to_other_workers():
     runs = variant_grid(1, 1, 6)
     rows = Rows(range(1, 7), runs)
     first = rows.take("a")

@@ -92,7 +92,7 @@ def test_a_sheet_that_is_pulled_has_neither():
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])
-def test_ribs_are_as_wide_as_they_are_between_windows(width):
+def test_measured_rib_widths_equal_the_width_between_windows(width):
     surface = windows(width)
     shape = rib_shape(surface)
     place = (surface.centroids[:, :2] * 24) % 6
@@ -154,7 +154,7 @@ def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
 SOLIDS = read(Path(str(TABLE)).parent / "solids.csv")
 
 
-def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
+def test_the_verdict_intervals_contain_the_solids_of_the_table():
     assert len(SOLIDS) >= 60
     assert len({row.kind for row in SOLIDS}) >= 20
     assert min(row.share for row in SOLIDS) < 0.3
@@ -166,7 +166,7 @@ def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
     assert all(row.theory == 0 and row.inside() for row in flat)
 
 
-def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_is_not_wide():
+def test_the_verdict_intervals_hold_for_unseen_designs_and_are_narrow():
     """Those of seed 3 were drawn when the form stood; the others were seen while it was chosen."""
     assert sum(row.kind in LATER and row.seed == 3 for row in SOLIDS) == 8
     later = [row for row in SOLIDS if row.kind in LATER]
@@ -177,7 +177,7 @@ def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_
     assert max(row.gap for row in bent) > 1  # ribs thinner than wide that are twisted: four times as soft
 
 
-def test_named_designs_lie_within_what_is_said_of_them():
+def test_the_verdict_intervals_contain_the_named_designs():
     named = {row.kind: row for row in SOLIDS if row.kind in NAMED}
     assert set(NAMED) - set(named) == {"tower, thin"}  # told to be unknown: its equations are not solved well enough
     assert all(row.inside() for row in named.values())

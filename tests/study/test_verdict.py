@@ -158,7 +158,7 @@ def test_points_of_finer_meshes_lie_on_the_sphere_and_flat_and_creased_faces_sta
     assert 0 < np.linalg.norm(strip.bulge, axis=1).max() < 0.01
 
 
-def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
+def test_a_plane_design_gets_a_verdict_and_the_quick_level_is_marked():
     row = next(row for row in shipped_table() if row.kind == "cantilever" and row.seed == 3)
     design = random_design("cantilever", 3)
     verdict, quick = check(design), check(design, depth="quick")
@@ -194,7 +194,7 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
     assert any("off the smooth surface" in text for text in verdict.warnings)
 
 
-def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
+def test_the_verdict_lists_load_cases_with_the_governing_case_first():
     setting = pressed_plate(6)
     load = setting.loads["load"]
     both = replace(setting, loads={"light": load, "heavy": load.with_forces(2 * load.force)})
@@ -227,7 +227,7 @@ def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_wi
     assert lost.record()["value"] is None
 
 
-def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
+def test_a_mechanism_fails_and_a_sheet_too_large_to_solve_is_unknown():
     setting = pressed_plate(10)
     surface, load = setting.surface, setting.loads["load"]
     x = surface.V[:, 0]
@@ -294,7 +294,7 @@ def test_a_solve_takes_about_the_memory_that_is_told_before():
     assert 0.6 < float(ran.stdout) < 1.1
 
 
-def test_the_bound_follows_the_largest_of_what_is_known():
+def test_the_error_bound_follows_its_largest_part():
     calm = estimate([1.0, 1.0], 0.0, 0.0)
     assert (calm.value, calm.bound) == (1.0, pytest.approx(0.003))
     assert estimate([0.9, 1.0], 0.0, 0.0).value == pytest.approx(1.05)

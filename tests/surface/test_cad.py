@@ -89,7 +89,7 @@ def test_meshes_of_rhino_in_its_unit(tmp_path, within):
     assert mixed.m == 3
 
 
-def test_meshes_in_blocks_stand_where_they_are_inserted(tmp_path, within):
+def test_meshes_of_blocks_are_placed_at_their_insertions(tmp_path, within):
     V, faces = quad_roof()
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
@@ -191,7 +191,7 @@ def test_faces_of_a_dxf_are_cut_together_and_damaged_numbers_recovered(tmp_path,
         assert counts == {"cuts": number + 1, "recoveries": number}
 
 
-def test_a_gltf_with_its_numbers_beside_it(tmp_path):
+def test_a_gltf_file_with_a_separate_buffer_is_read(tmp_path):
     s = grid(4, 3, 4.0, 3.0)
     upright = np.stack([s.V[:, 0], s.V[:, 2], -s.V[:, 1]], axis=1)
     for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.Trimesh(upright, s.F))).items():
@@ -226,7 +226,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_holds_no_surface_is_told_in_a_sentence(tmp_path, what, within):
+def test_a_file_without_a_surface_is_refused_in_one_sentence(tmp_path, what, within):
     name, content, said = WRONG[what]
     path = tmp_path / name
     if callable(content):
@@ -285,7 +285,7 @@ MARKS = [
 ]
 
 
-def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
+def test_layers_of_a_3dm_file_become_supports_and_loads(tmp_path, within):
     """Points and curves on four layers become pickers; what is on others stays a drawing."""
     proposal = propose(site(tmp_path / "site.3dm", MARKS))
     preset, text = proposal.preset, "\n".join(proposal.lines)
@@ -307,7 +307,7 @@ def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
     assert again["pattern"]["region"][1]["at"] == {"pick": "curve", "file": "site.3dm", "layer": "void", "unit": "m"}
 
 
-def test_marks_in_millimetres_and_what_encloses_nothing(tmp_path, within):
+def test_marks_in_millimetres_are_scaled_and_open_marks_are_ignored(tmp_path, within):
     rows = [(layer, [tuple(1000 * x for x in row) for row in rows]) for layer, rows in [*MARKS, ("void", [(1, 1, 0)])]]
     path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
     with pytest.raises(SurfaceError, match="marks on layer 'support', and its surface stands on its side; turn all"):

@@ -37,7 +37,7 @@ def test_neighbours_around_a_vertex_lie_on_the_side_that_the_sides_say():
     assert (np.einsum("mvi,mi->mv", total[strip.F], strip.normals) * sides > 0).all()
 
 
-def test_pieces_with_one_side_are_found_beside_others():
+def test_one_sided_pieces_are_detected_beside_two_sided_ones():
     strip, ball = moebius(), with_mixed_sides(sphere(1))[0]
     both = Surface(np.concatenate([strip.V, ball.V + [5, 0, 0]]), np.concatenate([strip.F, ball.F + strip.n]))
     assert np.array_equal(one_sided_pieces(both.F, both.edges), np.arange(both.m) < strip.m)
@@ -79,7 +79,7 @@ def test_a_strip_is_read_from_a_file_as_it_is(tmp_path):
 
 
 @pytest.mark.parametrize("load", [Pressure(1.0), Wind(1.0, (1, 0, 0))], ids=["pressure", "wind"])
-def test_what_needs_an_outside_is_refused(load):
+def test_loads_that_need_an_outside_refuse_a_one_sided_surface(load):
     with pytest.raises(SurfaceError, match=r"needs an outside, and 320 of its faces .* one side only"):
         load.forces(moebius(), 1.0)
 

@@ -73,7 +73,7 @@ def test_collapsing_an_edge_that_may_be_keeps_the_topology():
 
 @given(seed=st.integers(0, 10_000), near=st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_winners_are_those_before_all_that_they_touch(seed, near):
+def test_the_winning_edges_come_before_all_their_neighbours(seed, near):
     F = torus(edge=0.6).F
     edges, n, random = edge_table(F).ends, int(F.max()) + 1, np.random.default_rng(seed)
     touched = edges[random.permutation(len(edges))[: random.integers(0, 40)]]

@@ -81,7 +81,7 @@ def test_paths_bend_around_a_corner_of_the_boundary():
     assert found.vertex == pytest.approx(np.where(hidden, around, straight), abs=1e-9)
 
 
-def test_on_a_prism_they_are_those_of_the_plane_that_it_unrolls_to():
+def test_distances_on_a_prism_equal_distances_in_the_unrolled_plane():
     surface, sides = prism(12, 6, 3.0), 12
     place = np.arange(surface.n) // 7
     turn = np.minimum(place, sides - place)  # the shorter way round
@@ -174,7 +174,7 @@ def test_where_three_sheets_meet_all_are_reached():
     assert found == pytest.approx([np.hypot(0.5, 1), np.hypot(0.5, 1), 0, down, down])
 
 
-def test_without_a_way_they_are_infinite():
+def test_distances_to_a_separate_piece_are_infinite():
     surface = ZOO["two pieces"]()
     found = geodesic_distances(surface, origins(surface, [0]))
     assert np.isfinite(found.vertex[: surface.n // 2]).all()

@@ -124,7 +124,7 @@ def test_each_support_holds_its_directions_and_no_other(hold):
     assert_array_equal(case.supported, at)
 
 
-def test_pickers_pick_what_they_say():
+def test_each_picker_picks_its_vertices():
     s = plate(length=6.0, width=4.0, edge=0.5)
     x, y, _ = s.V.T
     assert All().vertices(s).all()
@@ -178,7 +178,7 @@ def test_sides_do_not_depend_on_the_size(scale):
         (Vertices(()), "picks no vertex"),
     ],
 )
-def test_an_empty_pick_is_refused_with_its_values_and_how_far_it_missed(picker, says):
+def test_an_empty_pick_is_refused_with_its_values_and_the_distance(picker, says):
     with pytest.raises(SurfaceError, match=says):
         picker.vertices(plate(edge=1.0))
 

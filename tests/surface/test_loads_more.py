@@ -80,7 +80,7 @@ def test_slanting_snow_is_on_the_shadow_along_its_direction():
 
 
 @pytest.mark.parametrize("turn", [lambda s: s, inside_out])
-def test_wind_presses_the_wall_it_meets_and_sucks_at_the_one_behind(turn):
+def test_wind_presses_the_windward_wall_and_sucks_at_the_leeward_wall(turn):
     """A box across the wind: 0.8 q and 0.5 q on the two walls [EN 1991-1-4, zones D and E], nothing along it."""
     b, q = turn(centred_box(3.0, 2.0, 5.0)), 600.0
     for face, c in (((-1, 0, 0), -0.8), ((1, 0, 0), 0.5)):
@@ -135,7 +135,7 @@ def test_a_line_load_runs_along_a_path_within_the_sheet():
     "load", [Snow(800.0, (0.2, 0, -1.0)), Wind(500.0, (1.0, 0.5, 0.0)), Line(Boundary(), (3.0, -2.0, 9.0))], ids=str
 )
 @pytest.mark.parametrize("name", ["dome", "cylinder", "box"])
-def test_what_is_spread_gives_the_vertices_the_same_forces(name, load):
+def test_a_spread_load_gives_the_same_vertex_forces(name, load):
     s = {"dome": dome(edge=1.0), "cylinder": cylinder(edge=1.0), "box": centred_box(1.0, 2.0, 3.0)}[name]
     if isinstance(load, Line) and s.is_closed:
         load = Line(All(), load.per_metre, "all")

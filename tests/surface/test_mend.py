@@ -107,7 +107,7 @@ def test_a_sheet_that_crosses_itself_stays_whole():
     assert_array_equal(mesh.F, F)
 
 
-def test_two_sheets_that_cross_stay_two_while_a_wall_on_one_of_them_and_copies_of_it_are_sewn():
+def test_crossing_sheets_stay_apart_and_a_wall_on_a_sheet_is_sewn():
     flat = grid(6, 6, 2.0, 2.0)
     upright = flat.V[:, [1, 2, 0]] + [0, 1, -1]
     both = mended_mesh(np.concatenate([flat.V, upright]), np.concatenate([flat.F, flat.F + flat.n]))
@@ -439,7 +439,7 @@ def two_roofs():
     [cushion(), two_roofs(), thick_shell(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
     ids=["cushion", "two roofs", "box", "sphere"],
 )
-def test_what_is_no_copy_and_no_slab_stays(mesh):
+def test_a_mesh_that_is_neither_copy_nor_slab_stays(mesh):
     assert single_sheets(*mesh, 1.0)[2] == ()
 
 
@@ -461,7 +461,7 @@ def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("open_", [False, True])
-def test_what_lies_on_long_edges_in_a_crowd_is_found(open_):
+def test_vertices_on_long_edges_are_found_in_a_crowd(open_):
     """As each vertex asked about each edge: within a length of closed loops, within a share of edges of other lines."""
     V, ends = comb(40)
     ends = ends[:-1] if open_ else ends

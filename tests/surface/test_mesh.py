@@ -200,7 +200,7 @@ def test_a_moebius_strip_cannot_be_oriented():
         (BOW_TIE, 5, "1 vertices are pinches, where parts touch in a point (first: 2)"),
     ],
 )
-def test_each_fault_is_told_with_its_count_and_place(F, n, says):
+def test_each_fault_is_reported_with_its_count_and_place(F, n, says):
     found = faults(np.array(F), n)
     assert says in found
 

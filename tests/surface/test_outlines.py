@@ -44,7 +44,7 @@ def test_a_polygon_in_another_is_an_island():
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 10_000), corners=st.integers(3, 30))
-def test_what_is_within_a_polygon_is_as_much_as_its_area(seed, corners):
+def test_the_points_within_a_polygon_cover_its_area(seed, corners):
     P = star(seed, corners)
     assert self_crossing(P) is None
     lattice = np.stack(np.meshgrid(*2 * [np.linspace(-1.31, 1.31, 161)]), axis=-1).reshape(-1, 2)
@@ -67,7 +67,7 @@ def test_two_corners_that_change_places_make_a_polygon_cross_itself(seed, corner
 # ------------------------------------------------------------------------------------------------------- in plan
 
 
-def test_a_polygon_in_plan_picks_what_lies_in_it_seen_from_above():
+def test_a_plan_polygon_picks_the_vertices_above_and_below_it():
     x, y, _ = PLATE.V.T
     picked = PlanPolygon(((0.2, 0.2), (0.8, 0.2), (0.8, 0.5), (0.2, 0.5))).vertices(PLATE)
     assert np.array_equal(picked, (x > 0.199) & (x < 0.801) & (y > 0.199) & (y < 0.501))
@@ -112,7 +112,7 @@ def test_a_polygon_beside_the_surface_says_how_far():
 # ------------------------------------------------------------------------------------------------------- the brush
 
 
-def test_a_brush_picks_what_is_near_its_points_and_the_ways_of_its_strokes():
+def test_a_brush_picks_vertices_near_its_points_and_strokes():
     """Three dots of two strokes: the first two are joined, the third is further off than two radii."""
     stroke = Brush(((0.2, 0.2, 0.0), (0.35, 0.2, 0.0), (0.8, 0.8, 0.0)), 0.1)
     on_the_way = np.clip(PLATE.V, (0.2, 0.2, 0), (0.35, 0.2, 0))
@@ -231,7 +231,7 @@ def with_blocks(path: Path, depth: int) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("depth", [1, 2, 4])
-def test_what_blocks_of_a_3dm_file_hold_is_drawn_where_they_are_inserted_and_nowhere_else(depth, tmp_path):
+def test_curves_of_3dm_blocks_appear_only_at_their_insertions(depth, tmp_path):
     loops = ClosedCurves(with_blocks(tmp_path / "a.3dm", depth)).loops()
     left = sorted(float(loop[:, 1].min()) for loop in loops)  # what went along x goes along y, from 10
     assert left == pytest.approx([10 + 3 * k for k in range(2 ** (depth - 1))])
@@ -258,7 +258,7 @@ def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
         ClosedCurves(tmp_path / "linked.3dm").loops()
 
 
-def test_3dm_without_its_library_says_what_to_install(tmp_path, monkeypatch):
+def test_without_rhino3dm_a_3dm_drawing_names_the_package_to_install(tmp_path, monkeypatch):
     (tmp_path / "x.3dm").write_bytes(b"0")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(SurfaceError, match=r'pip install "dsfab\[rhino\]"'):

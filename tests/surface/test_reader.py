@@ -72,7 +72,7 @@ def same_triangles(a, b, atol):
 
 @pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "off"])
 @pytest.mark.parametrize("make", [sphere, dome, cylinder])
-def test_what_trimesh_writes_reads_back_the_same(make, suffix, tmp_path):
+def test_meshes_that_trimesh_writes_read_back_equal(make, suffix, tmp_path):
     surface = make(edge=0.7)
     read = read_surface(saved(surface, tmp_path, suffix))
     assert read.n == surface.n
@@ -261,7 +261,7 @@ def test_a_closed_surface_inside_out_with_stray_faces_ends_outward(tmp_path):
     assert read.volume == pytest.approx(good.volume)
 
 
-def test_what_is_inside_out_is_not_said_to_have_neighbours_that_disagree():
+def test_an_inside_out_mesh_is_not_reported_as_inconsistent():
     good = sphere(edge=0.8)
     some = np.concatenate([good.F[:3, ::-1], good.F[3:]])
     assert flip_remark(good.F[:, ::-1], good.F) == (
@@ -327,7 +327,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_bad_files_are_refused_with_one_sentence_that_names_them(case, tmp_path, capfd):
+def test_a_bad_file_is_refused_in_one_sentence_with_its_name(case, tmp_path, capfd):
     name, text, says = BAD[case]
     path = obj(tmp_path, text, name)
     with pytest.raises(SurfaceError, match=says) as refusal:

@@ -59,7 +59,7 @@ def test_nothing_happens_to_a_surface_that_is_fine_enough():
     assert refined_surface(surface, 10.0, smooth=True) is surface
 
 
-def test_only_long_edges_and_what_they_need_are_divided():
+def test_only_long_edges_and_their_neighbours_are_divided():
     """One long strip in a fine plate: faces far from it stay as they were."""
     plate = grid(16, 4, 4.0, 1.0)
     V = plate.V.copy()

@@ -143,7 +143,7 @@ def test_needles_become_even_triangles(needles):
 
 
 @pytest.mark.parametrize(("fold", "degrees"), [(0.0, 14), (0.4, 7)])
-def test_a_tip_is_not_refined_the_more_the_nearer_it_comes(fold, degrees):
+def test_edges_near_a_tip_keep_their_length(fold, degrees):
     """A tip of 14 degrees, flat or creased along its middle: edges shrank to a fortieth and a seventieth of those asked
     for. They are as long as its angle is wide at the length of an edge, and their last row is as wide at theirs."""
     half, edge = 4 * np.tan(np.radians(7)), 0.2
@@ -256,7 +256,7 @@ def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
         remeshed_surface(ball, 0.1, 0.01)
 
 
-def test_what_is_no_sheet_is_refused():
+def test_three_faces_at_an_edge_are_refused():
     fan = Surface([[0, 0, 0], [0, 0, 1], [1, 0, 0], [-1, 1, 0], [-1, -1, 0]], [[0, 1, 2], [0, 1, 3], [0, 1, 4]])
     with pytest.raises(SurfaceError, match=r"1 edges have more than two faces \(first: 0-1\); split the surface there"):
         remeshed_surface(fan, 0.4)

@@ -70,7 +70,7 @@ def with_hole(plate: Surface, face: int) -> Surface:
     return Surface(np.r_[plate.V, inner], np.r_[np.delete(plate.F, face, axis=0), around])
 
 
-def test_what_leans_or_has_a_hole_on_one_side_has_no_mirror():
+def test_a_leaning_or_one_sidedly_holed_surface_has_no_mirror():
     bent = UMBRELLA.V.copy()
     bent[:, 2] += 0.02 * UMBRELLA.V[:, 0] + 0.05 * UMBRELLA.V[:, 0] ** 2 * UMBRELLA.V[:, 1]
     assert Mirrors.from_surface(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None

@@ -66,7 +66,7 @@ def bends(V: np.ndarray, F: np.ndarray) -> np.ndarray:
     return np.degrees(np.arccos(np.clip((one * two).sum(axis=1), -1, 1)))
 
 
-def test_what_noise_folded_over_is_flattened():
+def test_faces_that_noise_folded_over_are_flattened():
     """Its solid was refused for bending too sharply, in a place where nothing bends."""
     V, F = noisy(0.002)
     assert (bends(V, F) > 90).sum() > 30

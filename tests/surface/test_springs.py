@@ -119,7 +119,7 @@ def test_a_stiff_spring_is_a_support():
     assert spring.compliance == pytest.approx(held.compliance, rel=1e-4)
 
 
-def test_springs_stop_motions_and_those_they_leave_are_named():
+def test_springs_stop_motions_and_free_motions_are_named():
     s = ZOO["saddle"]()
     feet = [Support(Side("x", "min"), spring=(0.0, 5e4, 5e4))]
     with pytest.raises(StaticsError, match=r"the surface can move along x and turn about y and turn about z: the sup"):
@@ -226,7 +226,7 @@ def test_a_dome_on_springs_is_built_and_tells_their_reactions():
     assert any("of the springs' stiffness is on removed material" in note.text for note in design.notes)
 
 
-def test_supports_are_read_with_what_they_leave_out():
+def test_supports_are_read_with_defaults():
     read = TypeAdapter(Support).validate_python
     at = {"pick": "all"}
     assert read({"at": at}) == Support(All(), "xyz")

@@ -54,7 +54,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("side", ["mid", "out"])
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_proven_meets_nothing(name, side):
+def test_solids_that_are_proven_apart_do_not_intersect(name, side):
     """Offsets without a limit, walls with either diagonal, exact and as single precision holds them."""
     make, t = CASES[name]
     surface = make()

@@ -67,7 +67,7 @@ def test_holes_follow_their_axis(thick_plate):
     assert solid.volume == pytest.approx(0.06 - rod(0.1, 0.03 * np.sqrt(2)), rel=1e-9)
 
 
-def test_a_plane_cuts_off_what_its_normal_points_to(thick_plate):
+def test_a_trim_removes_the_side_of_its_normal(thick_plate):
     solid = made(thick_plate, Trim(point=(0.5, 0.0, 0.0), normal=(2.0, 0.0, 0.0)))
     assert solid.volume == pytest.approx(0.5 * 0.03, rel=1e-9)
     assert solid.box[1][0] == pytest.approx(0.5)

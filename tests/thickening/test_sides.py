@@ -75,7 +75,7 @@ def test_a_sheet_whose_faces_are_turned_at_random_is_thickened_all_the_same():
         offsets(mixed, 0.05)
 
 
-def test_the_closed_projective_plane_has_one_sphere_around_it():
+def test_the_solid_of_the_closed_projective_plane_is_a_sphere():
     """Its double cover is a sphere, before what crosses is united."""
     boy = projective_plane()
     skin = Skin.from_surface(boy)
@@ -146,7 +146,7 @@ def test_a_strip_goes_through_the_whole_line_from_a_file(tmp_path):
 
 
 @pytest.mark.parametrize(("side", "low", "high"), [("mid", -0.015, 0.015), ("out", 0, 0.03), ("in", -0.03, 0)])
-def test_a_plate_lies_where_it_was_asked_to(side: Side, low, high):
+def test_a_plate_lies_on_the_requested_side(side: Side, low, high):
     plate = ZOO["flat"]()
     solid = thicken(plate, offsets(plate, 0.03, side).D, side)
     assert np.allclose(solid.box[:, 2], [low, high], atol=1e-15)
@@ -245,7 +245,7 @@ def measured(surface: Surface, t: float, side: Side = "mid") -> np.ndarray:
     [(make, side) for make in (lambda: sphere(4), wave) for side in ("mid", "out", "in")]
     + [(lambda: moebius(160, 16, 0.8), "mid")],
 )
-def test_thickness_across_the_sheet_is_what_was_asked(make, side: Side):
+def test_the_measured_thickness_is_the_requested_thickness(make, side: Side):
     surface = make()
     seam = surface.V[surface.edges.ends[misoriented_edges(surface.F, surface.edges)]].reshape(-1, 3)
     away = np.linalg.norm(surface.centroids[:, None] - seam, axis=2).min(axis=1, initial=np.inf) > 0.06
@@ -254,7 +254,7 @@ def test_thickness_across_the_sheet_is_what_was_asked(make, side: Side):
 
 
 @pytest.mark.parametrize("side", ["mid", "out", "in"])
-def test_thickness_across_a_fold_is_what_was_asked_away_from_its_crease(side: Side):
+def test_the_thickness_of_a_fold_is_exact_away_from_its_crease(side: Side):
     fold = folded(90, 20)
     away = np.abs(fold.centroids[:, [0, 2]]).max(axis=1) > 0.1
     assert away.sum() > 0.8 * fold.m
@@ -262,7 +262,7 @@ def test_thickness_across_a_fold_is_what_was_asked_away_from_its_crease(side: Si
 
 
 @pytest.mark.parametrize(("name", "share"), [("bob", 0.01), ("hypar", 0.02), ("roof_with_opening", 0.02)])
-def test_thickness_across_real_sheets_is_what_was_asked(name, share):
+def test_the_measured_thickness_of_real_meshes_is_the_requested_thickness(name, share):
     """For at least 98 of 100 faces: the rest lie at creases of these meshes."""
     surface = real(name)
     t = share * surface.size / 2
@@ -284,7 +284,7 @@ def test_a_solid_that_still_meets_itself_is_refused_when_asked(tmp_path):
         dsfab.run(near_sheets(tmp_path, **{"thickening.strict": True}))
 
 
-def test_design_json_says_what_was_done(tmp_path):
+def test_design_json_lists_the_repairs(tmp_path):
     design = dsfab.run(near_sheets(tmp_path))
     told = design_facts(design, dict(design.seconds), [], [])["thickening"]
     repairs = design.solid.repairs
@@ -296,7 +296,7 @@ def test_design_json_says_what_was_done(tmp_path):
     assert any(f"{repairs.pairs} pairs of faces of the solid still intersect" in n.text for n in design.notes)
 
 
-def test_the_rung_tells_what_it_took():
+def test_the_rung_names_the_repair_that_was_needed():
     plate = grid(4, 4, 1.0, 1.0)
     assert made(plate, 0.1).repairs.rung == "none"
     both = Surface(np.concatenate([plate.V, plate.V + [0, 0, 0.07]]), np.concatenate([plate.F, plate.F + plate.n]))

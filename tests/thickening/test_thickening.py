@@ -345,7 +345,7 @@ def test_a_face_folded_back_onto_its_neighbour_is_found():
 # ---------------------------------------------------------------- repairs
 
 
-def test_sheets_closer_than_their_thickness_are_thinned_until_they_part():
+def test_sheets_closer_than_their_thickness_are_thinned_until_separate():
     plate = grid(4, 4, 1.0, 1.0)
     solid = made(stacked(plate, 0.07), 0.1)
     check_sound(solid)
@@ -392,7 +392,7 @@ def test_sheets_that_cannot_part_are_told_and_not_hidden():
     )
 
 
-def test_a_surface_that_crosses_itself_is_told_with_its_place(monkeypatch):
+def test_a_surface_that_crosses_itself_is_refused_with_its_place(monkeypatch):
     """Where it could not be united."""
     monkeypatch.setattr("dsfab.thickening.repair.prism_union", lambda *_: None)
     plate = grid(4, 4, 1.0, 1.0)
@@ -442,7 +442,7 @@ def one_face_turned() -> Surface:
     ],
     ids=["three faces on an edge", "one face turned over"],
 )
-def test_what_is_no_oriented_manifold_is_refused(surface, told):
+def test_a_surface_that_is_no_oriented_manifold_is_refused(surface, told):
     with pytest.raises(SolidError, match=told):
         offsets(surface, 0.01)
 

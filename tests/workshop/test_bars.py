@@ -208,7 +208,7 @@ class Kit:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sphere", "hypar"])
-def test_bars_and_plates_put_together_from_drawings_have_their_nodes_where_they_were_designed(name):
+def test_bars_and_plates_assembled_from_drawings_meet_at_the_designed_nodes(name):
     """From one node on, bar by bar, by plates and bars as DXF and by bars.csv alone; folds, dips and twists count."""
     plan = plan_of(name, 0.3)
     kit, joints = Kit(plan), {joint.node.id: joint for joint in plan.bar_lattice.joints}
@@ -426,7 +426,7 @@ def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_an
     assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
 
 
-def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is_there(vault):
+def test_node_plates_of_a_vault_follow_the_slope_of_the_arch_at_its_springing(vault):
     """An arch of 2.5 m over 8 m: at half of the band from its edge it falls by acos(1 - 2.5 / R) - band / 2R."""
     asked = Design.from_preset(
         with_overrides(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault

@@ -30,7 +30,7 @@ def test_strips_that_are_a_little_too_wide_for_one_more_row():
     assert said.startswith("strips 190 mm wide instead of 200 mm would need 2 sheets instead of 3; see [pattern.width]")
 
 
-def test_the_least_narrowing_that_saves_is_told_and_none_where_none_does():
+def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():
     """/ (.21 + .008) = 5.7, / (.2 + .008) = 5.97: only a tenth less is a row more; 10 strips need no more rows."""
     said, *_ = hints(strips(11, 2.4, 0.21), [(2.5, 1.25)])
     assert "190 mm wide instead of 210 mm would need 2 sheets instead of 3" in said

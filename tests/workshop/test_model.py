@@ -167,7 +167,7 @@ COORDINATE = st.floats(-2, 2).map(lambda x: round(x, 3))
 
 
 @given(st.tuples(COORDINATE, COORDINATE), st.floats(0, np.pi), st.floats(0.1, 3), st.floats(0.1, 3))
-def test_a_clipped_rectangle_is_what_shapely_has_of_it(middle, turn, long, wide):
+def test_a_clipped_rectangle_agrees_with_shapely(middle, turn, long, wide):
     way = np.array([np.cos(turn), np.sin(turn)])
     across = np.array([-way[1], way[0]])
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [long / 2, wide / 2]
@@ -278,7 +278,7 @@ def test_the_command_writes_a_sheet_each_for_the_laser_and_removes_those_of_an_e
         (["--thickness", "2miles"], "--thickness '2miles' is no length; write for instance 1mm"),
     ],
 )
-def test_what_is_no_scale_no_sheet_and_no_length_is_refused_in_a_sentence(words, said, capsys):
+def test_invalid_scales_sheets_and_lengths_are_refused_in_one_sentence(words, said, capsys):
     assert main(["workshop", "dome", *words]) == 1
     assert said in capsys.readouterr().err
 

@@ -39,7 +39,7 @@ def test_sheets_are_those_that_cost_least_together(large, small, words):
     assert stock_words(nest_parts(strips(25), (LARGE, SMALL), GAP, True, (large, small))) == words
 
 
-def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
+def test_a_part_too_large_for_a_small_sheet_opens_a_large_sheet_that_is_filled():
     """A row of 2.2 m leaves room for ten more rows of two: the small sheet holds what is left."""
     parts = strips(1, 2.2) + strips(25)
     sheets = nest_parts(parts, (SMALL, LARGE), GAP, True, (12, 40))
@@ -53,7 +53,7 @@ def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
     st.lists(st.tuples(st.floats(0.2, 1.2), st.floats(0.04, 0.5)), min_size=1, max_size=15),
     st.tuples(st.floats(1, 50), st.floats(1, 50)),
 )
-def test_two_sizes_never_cost_more_than_one_of_them_and_keep_the_gap(sizes, prices):
+def test_two_sheet_sizes_never_cost_more_than_one_size(sizes, prices):
     parts = [strips(k + 1, *size)[-1] for k, size in enumerate(sizes)]
     both = nest_parts(parts, (LARGE, SMALL), GAP, prices=prices)
     assert sorted(one.part.id for sheet in both for one in sheet.parts) == sorted(part.id for part in parts)

@@ -56,7 +56,7 @@ def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
 
 
 @pytest.mark.parametrize(("member", "stopped"), [(hook(0.2, 5.85), ["A1"]), (hook(0.0), [])])
-def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stopped):
+def test_a_plank_that_curls_at_its_end_stops_there_with_a_note(member, stopped):
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
     stock = PlankStock(0.018, 0.12, 0.012, "cover", (0.02, 0.008))
     plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
@@ -74,7 +74,7 @@ def straight(name: str, begin: tuple[float, float], long: float) -> Member:
 
 
 @pytest.mark.parametrize(("long", "built"), [(0.3, False), (2.0, True)])
-def test_a_strip_between_two_others_of_which_nothing_is_left_is_not_built_and_told(long, built):
+def test_a_strip_of_which_no_length_is_left_is_omitted_with_a_note(long, built):
     """It stops .17 m from both ends, where it would touch them. What was left once was longer than nothing by less than
     nothing, and no stock was large enough for it."""
     members = (straight("A1", (0, 0), 6), straight("A2", (6 + long, 0), 6), straight("A3", (6, 0.1), long))

@@ -88,7 +88,7 @@ def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
     assert least_gap([sheet]) == pytest.approx(GAP, abs=1e-6)
 
 
-def test_what_is_short_goes_into_the_gap_below_an_arch():
+def test_a_short_part_fills_the_gap_below_an_arch():
     ask = column_grid(STOCK, GAP)
     sheet, arch = empty_sheet((2.5, 0.45), ask), bowed("arch", 2.4, 0.1, 0.8)
     assert place_part(sheet, part_shapes(arch, ask, boxes=False)[:1], ask)
@@ -100,7 +100,7 @@ def test_what_is_short_goes_into_the_gap_below_an_arch():
     assert least_gap([NestedSheet(sheet.size, tuple(sheet.parts))]) >= GAP - 1e-9
 
 
-def test_members_lie_along_the_grain_where_there_is_one():
+def test_members_lie_along_the_grain_of_the_stock():
     parts = [bowed(f"P{k}", 1.0, 0.12, 0.0) for k in range(19)]
     free, along = nest_parts(parts, [(2.5, 1.1)], GAP), nest_parts(parts, [(2.5, 1.1)], GAP, grain=True)
     assert len(free) == 1  # all across
@@ -186,7 +186,7 @@ def test_layers_and_packing():
     assert Layering(0.02, 2, 0.012).packing_layers(node, {"A": "minor", "R": "rim"}) == 0
 
 
-def test_a_piece_of_a_cylinder_flattens_without_strain_and_of_a_sphere_with_what_its_curvature_asks():
+def test_a_cylinder_patch_flattens_without_strain_and_a_sphere_patch_with_the_strain_of_its_curvature():
     x, y = np.meshgrid(np.linspace(-0.3, 0.3, 25), np.linspace(-0.3, 0.3, 25))
     plane = Surface(np.c_[x.ravel(), y.ravel(), 0 * x.ravel()], _grid_faces(25))
     rolled = np.c_[np.sin(x.ravel()), y.ravel(), np.cos(x.ravel())]
@@ -265,7 +265,7 @@ def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius
 
 
 @pytest.mark.slow
-def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolts_have_holes():
+def test_the_shipped_gridshell_can_be_bent_and_drilled():
     plan = workshop_plan(sliced(load_preset("gridshell")))
     assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
     assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
@@ -297,7 +297,7 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
     assert parts == sum(int(row["count"]) for row in rows)
 
 
-def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, vault):
+def test_the_workbook_agrees_with_cut_list_nests_and_graph(plan, vault):
     """Read by openpyxl."""
     book = openpyxl.load_workbook(io.BytesIO(cut_list_workbook(plan)))
     assert book.sheetnames == ["parts", "nests", "stock", "nodes"]
@@ -366,7 +366,7 @@ def test_a_stock_that_no_piece_of_a_strip_fits_on_is_refused(vault):
         workshop_plan(small)
 
 
-def test_the_section_takes_one_size_or_several_and_refuses_what_is_none():
+def test_the_workshop_section_takes_one_or_several_sizes_and_refuses_invalid_ones():
     assert dsfab.load_preset("dome", {"workshop.stock": [1.25, 3.0]}).workshop.stock == ((3.0, 1.25),)
     several = dsfab.load_preset("dome", {"workshop.stock": [[1, 2], [3, 4]]}).workshop.stock
     assert several == ((2.0, 1.0), (4.0, 3.0))
