@@ -285,11 +285,9 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["build", "nowhere"], "preset 'nowhere' not found"),
         (["build", "domme"], "did you mean dome?"),
         (["build", "dome", "--set", "pattern.major.frequncy=3"], "did you mean frequency?"),
         (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
-        (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
         (["build", "figurine"], "preset figurine needs a mesh of yours: add --mesh FILE"),
         (["build", "dome", "--format", "steep"], "did you mean step?"),

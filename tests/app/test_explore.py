@@ -182,17 +182,13 @@ def test_more_than_the_limit_are_drawn_after_yes(
     ("vary", "told"),
     [
         ("pattern.major.frequency=4:24:0", "has 0 values; the last number of a range"),
-        ("pattern.major.frequency=4:24:-3", "has -3 values"),
-        ("pattern.major.frequency=4:24:2.5", "is not a range"),
         ("pattern.major.frequency=4:24", "is not a range"),
         ("pattern.major.frequency=nan:24:3", "does not run between two numbers"),
         ("pattern.major.frequency=4:4:3", "the same value 3 times"),
         ("pattern.major.frequency", "is not KEY=VALUES"),
-        ("pattern.major.frequency=", "is not KEY=VALUES"),
         ("pattern.major.frequency=4,,6", "has an empty value"),
         ("pattern.major.frequency=4,4", "has a value twice"),
         ("pattern.major.frequenzy=4,6", "did you mean frequency?"),
-        ("pattern.width.rule=plain,grated", "did you mean graded?"),
         ("pattern.major.frequency=4,-6", "pattern.major.frequency = -6"),
     ],
 )

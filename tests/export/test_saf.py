@@ -11,11 +11,10 @@ from dsfab.app.export import format_suffix
 from dsfab.core.errors import ExportError
 from dsfab.design import Design
 from dsfab.design.member_model import action_cases
-from dsfab.export import FORMATS, Details, write
+from dsfab.export import FORMATS, Details
 from dsfab.members.frame import solve_frame
 from dsfab.preset.file import load_preset
 from dsfab.surface import Cladding, Combination, Pressure, SelfWeight, Snow
-from dsfab.surface.shapes import plate
 from tests.designs import coarse_design
 from tests.export.saf_members import ACTIONS, crooked, written
 from tests.opensees import solved_script
@@ -143,11 +142,6 @@ def test_a_file_that_reads_back_different_is_refused(tmp_path, monkeypatch):
     with pytest.raises(ExportError, match="the nodes of 'crooked' read back elsewhere"):
         written(crooked(), tmp_path / "x.saf.xlsx")
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_sheet_alone_has_no_beam_model(tmp_path):
-    with pytest.raises(ExportError, match="'x' has no beam model; only a design knows it"):
-        write(plate(1, 1, 1), tmp_path / "x.saf.xlsx")
 
 
 def test_people_say_saf(tmp_path, capsys):
