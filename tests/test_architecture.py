@@ -349,7 +349,7 @@ def test_a_build_begins_without_half_of_scipy():
     assert done.stdout.split() == ["export", "app.build", "app.preview", "render.previewer"]
 
 
-def test_every_public_name_is_there():
+def test_all_public_names_exist():
     import dsfab
 
     assert [name for name in dsfab.__all__ if not hasattr(dsfab, name)] == []

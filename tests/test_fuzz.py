@@ -52,7 +52,7 @@ def test_an_oracle_notices_another_surface(tmp_path, monkeypatch):
         oracles.judge("stl", good, tmp_path)
 
 
-def test_chance_finds_what_is_planted(tmp_path, monkeypatch):
+def test_random_fuzzing_finds_a_planted_fault(tmp_path, monkeypatch):
     """The stand-in for atheris keeps the file that breaks a reader, and ends with 1."""
     from tests.fuzz import target
 

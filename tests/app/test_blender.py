@@ -43,7 +43,7 @@ def addon(tmp_path, monkeypatch):
     return module
 
 
-def test_its_words_are_those_of_dsfab_build(addon):
+def test_the_add_on_calls_dsfab_build_with_the_given_settings(addon):
     settings = SimpleNamespace(preset="dome", changes="statics.material=S235 'description=a b'")
     python, *words = addon.command(addon.PYTHON, Path("roof.obj"), settings, Path("out"))
     assert python == sys.executable

@@ -235,7 +235,7 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
 
 
 @pytest.mark.slow
-def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp_path, monkeypatch):
+def test_compare_prints_and_writes_competitors_and_gain(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner,grid", "--frequency"]
     arguments.append("--no-report")
@@ -390,7 +390,7 @@ def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_unit_is_refused_with_those_that_are_known(capsys, tmp_path):
+def test_an_unknown_unit_is_refused_with_the_list_of_units(capsys, tmp_path):
     file = tmp_path / "box.stl"
     trimesh.creation.box((2, 1, 1)).export(file)
     assert "unit = 'furlong' is not known; use one of mm, cm" in refused(
@@ -444,7 +444,7 @@ def test_a_preset_that_waits_for_a_mesh_says_so(capsys, tmp_path, monkeypatch, w
     assert not list(tmp_path.iterdir())
 
 
-def test_the_mesh_that_was_given_is_the_one_that_is_missed(capsys, tmp_path):
+def test_a_missing_mesh_is_refused_with_its_path(capsys, tmp_path):
     missed = str(tmp_path / "nowhere.obj")
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--mesh", missed)
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--set", f"surface.file={missed}")

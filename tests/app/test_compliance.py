@@ -273,7 +273,7 @@ def test_without_reportlab_one_sentence_tells_and_the_rest_is_written(tmp_path, 
         document_pdf(Document("a", "b", [], [], "c"))
 
 
-def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(compared):
+def test_a_stiffer_thinner_sheet_is_reported_in_plain_words(compared):
     found = Findings(compared, [], "dsfab compare cantilever")
     (told,) = comparison_sentences(found)
     assert told.startswith("It must be said plainly: a <b>whole sheet without openings, 5 mm thick</b>")
@@ -284,7 +284,7 @@ def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(compared):
 
 
 @pytest.mark.slow
-def test_a_thinner_sheet_that_is_stiffer_is_told_at_other_volumes_too(drafted, compared):
+def test_a_stiffer_thinner_sheet_is_reported_at_all_volumes(drafted, compared):
     found = Findings(compared, [], "dsfab compare cantilever")
     at = [(share, compare_at(drafted, share, ("thinner",), full)) for share in (0.4, 0.7)]
     assert "At 40% and 70% of the material a thinner whole sheet" in thinner_sheet_words(replace(found, volumes=at))
@@ -377,7 +377,7 @@ def read_page(folder):
     return reader, " ".join(reader.text)
 
 
-def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_path, capsys, monkeypatch):
+def test_the_report_of_a_failing_design_gives_the_reason(tmp_path, capsys, monkeypatch):
     from dsfab.preset.file import preset_toml
 
     small(monkeypatch)

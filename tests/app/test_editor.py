@@ -170,7 +170,7 @@ def test_the_page_gets_the_draft(dome):
         assert facts["lines"][name][0] > 0
 
 
-def test_creases_are_told():
+def test_the_page_receives_the_creases_of_a_surface():
     """Two plates at a right angle; a dome has none."""
     V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
     folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
@@ -178,7 +178,7 @@ def test_creases_are_told():
     assert not has_creases(load_preset(DOME_MODES, COARSE).surface.build())
 
 
-def test_widths_are_those_that_are_cut(dome):
+def test_the_page_receives_the_widths_of_the_cut(dome):
     facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     half = dict(zip(dome.pattern.names, dome.pattern.half_widths, strict=True))
     np.testing.assert_allclose(arrays["half"][:, 0], half["major"], rtol=1e-6)
@@ -307,7 +307,7 @@ def test_a_change_of_stripes_solves_nothing_again():
         assert len(part) < 0.2 * len(whole)
 
 
-def test_a_page_that_begins_gets_what_is_being_solved():
+def test_a_new_page_receives_the_running_solution():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         assert session.first_model() == b""  # nobody has asked for anything
         job = session.ask_solve({})
@@ -381,7 +381,7 @@ def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_build_writes_what_the_command_line_writes(no_pictures):
+def test_a_build_of_the_editor_writes_the_files_of_the_command_line(no_pictures):
     import trimesh
 
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
@@ -574,7 +574,7 @@ def test_the_server_listens_on_localhost_only(server):
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_every_file_that_the_page_names_is_there(server):
+def test_all_files_that_the_page_names_exist(server):
 
     page = doors.static_files()
     named = re.findall(r'(?:src|href)="/static/([^"]+)"', page["index.html"].decode())
@@ -602,7 +602,7 @@ def test_the_bundled_three_js_has_the_published_checksums():
     assert {name: found[name] for name in found if name.startswith("vendor/")} == known
 
 
-def test_all_modules_are_asked_for_at_once(server):
+def test_the_page_requests_all_modules_at_once(server):
     """None is found only after another one has come (the way to a notebook is none of them)."""
     html = ask(server, "GET", f"/?token={server.token}")[2].decode()
     told = set(re.findall(r'modulepreload" href="/static/([^"]+)"', html))
@@ -671,7 +671,7 @@ def test_a_reset_connection_prints_nothing_on_the_terminal(server, capfd, monkey
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
-def test_ctrl_c_ends_it_cleanly():
+def test_ctrl_c_ends_the_editor_cleanly():
     command = [sys.executable, "-m", "dsfab.app.cli", "edit", DOME_MODES, "--no-open"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:

@@ -161,7 +161,7 @@ def of(tab, identifier):
 
 
 @pytest.mark.slow
-def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
+def test_a_slider_of_the_widget_changes_the_picture_and_the_python_value(tab, editor):
     before = tab.run(SEEN)
     assert before > 1000
     at = of(tab, "pattern-width-solid_fraction")
@@ -251,7 +251,7 @@ def test_the_missing_extra_is_named(monkeypatch):
         dsfab.edit("dome")
 
 
-def test_python_may_not_set_what_no_preset_holds(editor):
+def test_python_refuses_keys_that_no_preset_has(editor):
     before = editor.changes
     with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
         editor.changes = {"pattern.major.threshold": 7}

@@ -68,7 +68,7 @@ def test_a_file_of_others_is_never_overwritten(outputs):
     assert (outputs.home / "roof.toml").read_text() == "mine"
 
 
-def test_a_build_goes_into_the_folder_of_its_name_and_asks_first(outputs):
+def test_a_build_goes_into_a_folder_of_its_name_after_a_question(outputs):
     with Session(open_preset(DOME_MODES, COARSELY), outputs=outputs) as session:
         job = wait(session.jobs, session.ask_build({**STL, "name": "hut"}, replace=False)["job"])
         assert job.state == "done", job.text
@@ -132,7 +132,7 @@ def tab(outputs, tmp_path):
 
 
 @pytest.mark.slow
-def test_one_file_is_exported_and_told(outputs, dropped):
+def test_the_editor_exports_one_file_and_names_it(outputs, dropped):
     with Session(dropped, outputs=outputs) as session:
         wait(session.jobs, session.ask_solve({}))
         job = wait(session.jobs, session.ask_build({}, only="csv")["job"])

@@ -115,7 +115,7 @@ def test_undo_and_redo(tab):
     assert tab.run("dsfab.state.changes") == {"pattern.major.frequency": 15}
 
 
-def test_a_load_makes_the_picture_outdated_until_it_is_solved(tab):
+def test_a_changed_load_marks_the_picture_as_outdated_until_the_solution(tab):
     version = tab.run("dsfab.model.facts.version")
     tab.run("dsfab.state.set({'diffusion.r': 5})")
     assert tab.run("document.querySelector('#picture').classList.contains('outdated')")
@@ -430,7 +430,7 @@ def test_the_page_fits_a_telephone(tab):
         tab.call("Emulation.setDeviceMetricsOverride", width=SIZE[0], height=SIZE[1], deviceScaleFactor=1, mobile=False)
 
 
-def test_the_browser_sees_what_the_previewer_sees(tab):
+def test_the_browser_and_the_previewer_draw_the_same_mask(tab):
     """The mask of WebGL against that of VTK, from the same eye: under 0.2 % of its pixels differ."""
     changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
     tab.run(f"dsfab.state.set({json.dumps(changes)})")

@@ -116,7 +116,7 @@ def test_an_opening_is_painted(tab, server):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_a_ball_is_solid_and_drawn_as_such_without_anything_kept(tab):
+def test_a_painted_ball_is_solid_in_the_picture(tab):
     before = tab.run(SEEN)
     form(tab, "paint-do", "keep")
     tab.run("document.getElementById('paint-region').click()")

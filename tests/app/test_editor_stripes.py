@@ -57,7 +57,7 @@ def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
         np.testing.assert_array_equal(arrays[name], whole[name])
 
 
-def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
+def test_the_page_receives_the_widths_of_both_sides_of_a_line(dome):
     """Width over spacing here: d = lines per metre x width / 2 in the periods of each side, where no stripes touch."""
     facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     assert facts["method"] == "stripes"
@@ -164,7 +164,7 @@ seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Ch
 
 
 @seen_in_a_page
-def test_the_browser_sees_what_the_previewer_sees(page, dome):
+def test_the_browser_and_the_previewer_draw_the_same_stripes(page, dome):
     ours, theirs = seen_by_both(page, dome)
     assert alike(ours, theirs)
 
@@ -234,7 +234,7 @@ def test_only_the_server_knows_where_other_stripes_run(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_one_family_alone_is_seen_by_both(page):
+def test_the_browser_and_the_previewer_draw_the_same_single_family(page):
     """On modes in the same frame: the other one has no width; evenly spaced it is another pattern, which is made."""
     alone = {"pattern.families": "minor", "pattern.rotate": 15}
     page.run(f"dsfab.state.set({json.dumps(alone)})")
@@ -261,7 +261,7 @@ def test_one_family_alone_is_seen_by_both(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_each_method_shows_its_own_controls(page):
+def test_the_page_shows_the_controls_of_the_chosen_method(page):
     shown = "[...document.querySelectorAll('#groups .row label')].filter(e => e.offsetParent).map(e => e.htmlFor)"
     open_ = "document.querySelectorAll('#groups details').forEach(e => e.open = true)"
     page.run(open_)

@@ -159,9 +159,7 @@ def _proportion(path: Path) -> float:
     return float(np.ptp(rows) / np.ptp(cols))
 
 
-def test_many_variants_are_asked_about_and_nothing_is_written(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
-) -> None:
+def test_explore_asks_before_it_writes_many_variants(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     folder = tmp_path / "new"
     vary = ["--vary", "pattern.major.frequency=4:24:100", "--vary", "diffusion.r=1:100:100"]
     told = refused(capsys, "explore", DOME_MODES, *COARSE, *vary, "-o", str(folder))
@@ -212,7 +210,7 @@ def test_all_variants_impossible_is_a_refusal(capsys: pytest.CaptureFixture[str]
     assert not (tmp_path / "no").exists()
 
 
-def test_a_full_disk_leaves_the_folder_as_it_was(
+def test_a_full_disk_leaves_the_folder_unchanged(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:

@@ -142,7 +142,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file has its name; choose another folder"),
     ],
 )  # fmt: skip
-def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
+def test_invalid_export_options_are_refused_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("a file")

@@ -146,5 +146,5 @@ def test_directions_of_combined_cases_have_no_sign():
 @pytest.mark.parametrize(
     ("newtons", "told"), [(999.9, "1 kN"), (350.2, "350 N"), (1.234e6, "1.23 MN"), (0.25, "250 mN")]
 )
-def test_forces_have_three_digits_in_the_unit_that_they_round_to(newtons, told):
+def test_labels_of_forces_have_three_digits_and_a_fitting_unit(newtons, told):
     assert force_label(newtons) == told

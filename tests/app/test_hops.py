@@ -269,7 +269,7 @@ def test_the_server_lists_describes_and_turns_pages_away():
 
 
 @pytest.mark.slow
-def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
+def test_the_hops_server_solves_requests_and_ends_slow_ones():
     with serving() as server:
         wide = "surface.edge = 0.5\npattern.major.spacing = 1.6\npattern.minor.spacing = 1.6"
         lines = f"statics.material = 'S235'\nworkshop.thickness = 0.002\n{wide}"

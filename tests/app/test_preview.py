@@ -84,7 +84,7 @@ def _moved(solid: tuple[np.ndarray, np.ndarray], far: float) -> tuple[np.ndarray
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_a_structure_is_whole_on_the_page_and_fills_it(name: str) -> None:
+def test_a_structure_fills_the_picture_and_is_not_clipped(name: str) -> None:
     image = picture(*SHAPES[name](), look=Look(SIZE))
     assert image.shape == (240, 320, 3)
     assert image.dtype == np.uint8
@@ -128,7 +128,7 @@ def test_the_paper_is_light_and_a_shadow_lies_under_a_dome() -> None:
     assert binary_erosion(grey[: int(0.84 * 240)]).sum() > 100  # more than the smooth edges of dark members
 
 
-def test_loads_and_supports_are_drawn_in_their_colours_only_when_given() -> None:
+def test_loads_and_supports_appear_in_their_colours_on_request() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.8)
     V, F = thick(surface)
     load = weighed(surface, low(surface))
@@ -227,7 +227,7 @@ def test_a_person_stands_beside_a_roof_whose_supports_are_drawn_taller() -> None
 
 
 @pytest.mark.parametrize(("radius", "drawn"), [(0.3, False), (2.0, True)])
-def test_a_person_stands_beside_what_has_the_size_of_a_building(radius: float, drawn: bool) -> None:
+def test_a_person_is_drawn_beside_structures_of_building_size(radius: float, drawn: bool) -> None:
     solid = thick(sphere(radius=radius, edge=radius / 5), radius / 20)
     violet = replace(PAPER, person=(140, 40, 220))
     image = picture(*solid, look=Look(SIZE, palette=violet)).astype(int)
@@ -262,7 +262,7 @@ def test_a_plate_loaded_in_its_plane_is_seen_face_on_and_a_dome_from_above() -> 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.floats(1e-3, 1e3), st.floats(0.5, 2.0))
-def test_any_cloud_of_points_fills_the_box_it_is_framed_in(seed: int, scale: float, aspect: float) -> None:
+def test_a_framed_cloud_of_points_fills_its_box(seed: int, scale: float, aspect: float) -> None:
     random = np.random.default_rng(seed)
     points = scale * (random.normal(size=(50, 3)) * random.uniform(0.2, 1, 3) + random.normal(size=3))
     wanted = (-0.8 * aspect, 0.8 * aspect, -0.7, 0.9)

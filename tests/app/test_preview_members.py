@@ -46,7 +46,7 @@ def test_no_name_stands_on_another_and_all_are_on_the_page(places):
     assert over.max() <= 0
 
 
-def test_a_place_that_is_seen_comes_before_one_that_is_hidden():
+def test_a_nameplate_prefers_a_visible_place():
     plate = Nameplate("A01", (0, 0, 0), np.array([[100.0, 100.0], [300.0, 200.0]]), np.array([False, True]))
     (placed,) = place_names([plate], (400, 300), 12.0)
     assert placed.anchor.tolist() == placed.middle.tolist() == [300, 200]

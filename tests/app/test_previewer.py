@@ -39,7 +39,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
+def test_the_shader_agrees_with_the_exact_cut(dome: Design, rule: str) -> None:
     made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     with Previewer(made, marks=False) as previewer:
         assert difference(made, previewer) < MOST
@@ -118,7 +118,7 @@ def test_threshold_one_is_empty_and_minus_one_is_the_whole_silhouette(dome: Desi
             previewer.picture(SIZE)
 
 
-def test_that_there_is_no_material_is_seen_by_the_lamps_beside_marks(
+def test_a_design_without_material_shows_an_empty_picture_beside_marks(
     dome: Design, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a frame of its own."""
@@ -284,7 +284,7 @@ NEEDS = {
 
 
 @pytest.mark.parametrize("name", NEEDS)
-def test_fragments_get_what_the_pattern_reads_at_the_vertices_and_no_uniform(name: str) -> None:
+def test_the_shader_receives_only_the_fields_that_the_pattern_reads(name: str) -> None:
     """Software rendering pays for each number per triangle and for each uniform per pixel."""
     settings, fields = NEEDS[name]
     stripes = shader.StripeShader(np.zeros((3, 6)))
@@ -402,7 +402,7 @@ def test_arrows_of_reactions_act_at_the_supports(dome: Design) -> None:
     assert len(reaction_arrows(surface, load, 0 * reaction, 10.0)[1]) == 0
 
 
-def test_frame_rates_name_what_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bench_of_frame_rates_names_the_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_preview, "SECONDS", 0.0)
     monkeypatch.setattr(bench_preview, "PIXELS", (160, 120))
     row = bench_preview.measure(2_000)

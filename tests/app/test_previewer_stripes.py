@@ -45,7 +45,7 @@ RULES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
-def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
+def test_the_shader_of_stripes_agrees_with_the_exact_cut(dome: Design, rule: str) -> None:
     made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     assert made.pattern.even
     assert len(set(made.pattern.even.chart.scale.ravel())) > 2 or rule == "not halved"  # some are halved
@@ -154,7 +154,7 @@ def test_light_shows_no_seam(globe: Design) -> None:
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1)
 
 
-def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
+def test_division_of_faces_does_not_change_the_lighting(dome: Design) -> None:
     """The picture of normals, bytes, is that of the uncut surface but for rounding."""
     seen = []
     for made in (dome, draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))):

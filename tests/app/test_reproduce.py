@@ -147,7 +147,7 @@ def test_the_page_shows_each_figure_in_three_renditions_with_measures_and_comman
         assert (folder / f"{name}-{way}-structure.webp").is_file()
 
 
-def test_pictures_differ_and_are_all_there(folder):
+def test_all_pictures_exist_and_differ(folder):
     seen = set()
     for path in sorted(folder.glob("*.webp")):
         with Image.open(path) as image:
@@ -222,7 +222,7 @@ def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told)
     assert not (tmp_path / "no").exists()
 
 
-def test_how_loads_reach_the_supports():
+def test_the_page_describes_the_pieces_between_loads_and_supports():
     whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
     assert _supports_text([whole, bare]) == "the loads reach the supports through one piece"
     assert _supports_text([whole, whole]) == "the loads reach the supports through 2 pieces"
@@ -365,7 +365,7 @@ def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_p
 OUTPUTS = Path(__file__).parents[2] / "docs" / "paper"
 
 
-def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
+def test_the_recorded_comparison_on_the_sphere_passes_with_its_winner():
     """At all shares tuned modes are stiffer than the best isotropic ones, at half of the material more than five times,
     and Table 1's row is softer; all verdicts pass."""
     rows = json.loads((OUTPUTS / "sphere_volumes.json").read_text())["competitors"]
@@ -384,7 +384,7 @@ def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
     assert max(masses) / min(masses) < 1.002
 
 
-def test_stiffness_is_told_with_the_bounds_of_both():
+def test_the_ratio_of_stiffness_has_the_bounds_of_both_values():
     """2 J +- 10 % over 1 J +- 5 %: 2, at least 1.8 / 1.05, at most 2.2 / .95."""
     own, rival = {"compliance_J": 1.0, "bound": 0.05}, {"compliance_J": 2.0, "bound": 0.1}
     assert stiffness_ratio(own, rival) == pytest.approx((2.0, 1.8 / 1.05, 2.2 / 0.95))

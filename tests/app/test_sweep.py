@@ -85,7 +85,7 @@ def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
     assert results[0] == results[1]
 
 
-def test_quiet_says_nothing(here, capsys):
+def test_a_quiet_sweep_prints_nothing(here, capsys):
     assert run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-q") == (0, "", "")
 
 
@@ -99,7 +99,7 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
     assert "leave -o out" in refused(capsys, "s", "-o", "t")
 
 
-def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatch):
+def test_missing_runs_are_listed_and_give_exit_code_3(here, capsys, monkeypatch):
     def crew(fate):
         return lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1, fate=fate)
 
@@ -147,7 +147,7 @@ def test_pictures_contact_sheet_and_page(here, capsys):
         assert [line["img"] for line in csv.DictReader(file)] == ["pictures/00001.png", ""]
 
 
-def test_designs_of_one_surface_are_drawn_at_one_place():
+def test_pictures_of_designs_on_one_surface_share_the_camera():
     """A fuller design covers what a leaner one covers: the camera stands still."""
     import io
 

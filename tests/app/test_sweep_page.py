@@ -213,6 +213,6 @@ def test_a_failed_run_shows_its_reason_as_text(tab):
 
 
 @needs_browser
-def test_nothing_was_asked_of_a_network_and_nothing_went_wrong(tab):
+def test_the_page_makes_no_network_request_and_no_error(tab):
     assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
     assert [error for error in tab.errors if "ERR_FILE_NOT_FOUND" not in error] == []

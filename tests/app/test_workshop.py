@@ -27,7 +27,7 @@ def count(picture: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(picture[..., :3].astype(int) - colour).max(axis=2) < 24).sum())
 
 
-def test_a_ring_is_drawn_where_its_place_is_seen():
+def test_a_callout_ring_is_drawn_at_the_projected_place():
     """At distance 5 the upper edge of the page is 1 m above its middle."""
     white = Image.new("RGB", (400, 400), (255, 255, 255))
     place = np.array([0.5, -0.25, 0.0])

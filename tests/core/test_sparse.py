@@ -65,7 +65,7 @@ def test_every_solver_agrees_with_a_dense_factorisation(name, solver):
 
 @zoo
 @pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
-def test_hermitian_matrices_are_solved_as_real_ones(name, solver):
+def test_hermitian_matrices_are_solved_in_real_form(name, solver):
     require(solver)
     K, points, node = system(ZOO[name]())
     turn = np.exp(1j * np.random.default_rng(0).uniform(-3, 3, K.shape[0]))
@@ -183,7 +183,7 @@ def test_a_factor_is_repeated_bit_for_bit():
 
 
 @pytest.mark.parametrize("alone", [0, 10**6])
-def test_pardiso_solves_with_the_threads_it_factorised_with(alone, monkeypatch):
+def test_pardiso_solves_with_the_thread_count_of_the_factorisation(alone, monkeypatch):
     """Seen: a two-level factor made by one thread, used by two, gave numbers a hundred times too large.
 
     Small systems have one, on any number of cores: two take twice the time.

@@ -44,7 +44,7 @@ def test_points_of_a_face_are_centroids_of_equal_parts():
 
 
 @zoo
-def test_counted_material_is_near_what_is_cut(name):
+def test_counted_material_is_near_the_cut_material(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = 1 + np.abs(surface.V[:, 2]) / surface.size
@@ -61,7 +61,7 @@ def test_counted_material_is_near_what_is_cut(name):
 # --- the choice
 
 
-def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_cut_sheet(chosen):
+def test_the_best_candidate_becomes_the_pattern_with_its_compliance(chosen):
     found = chosen.pattern.choice.candidates
     best = found[0]
     assert len(found) >= 16
@@ -151,7 +151,7 @@ def replace_(candidate: Candidate, **values) -> Candidate:
     return candidate._replace(**values)
 
 
-def test_candidates_that_lose_their_load_are_refused_and_so_is_the_search_when_all_do():
+def test_a_search_without_any_loaded_candidate_is_refused():
     thin = {"threshold": 0.8, "frequency": 4.0}
     pattern = {"keep": 0.05, "major": {**thin, "phase": "auto"}, "minor": thin}
     preset = load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern})

@@ -89,7 +89,7 @@ def test_a_cached_result_is_dropped_with_its_stage(whole: Design) -> None:
     )
 
 
-def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> None:
+def test_a_refused_stage_keeps_the_results_of_earlier_stages() -> None:
     empty = {
         "pattern.width": {"rule": "plain"},
         "pattern.keep": 0.0,

@@ -36,7 +36,7 @@ def test_names_of_loads_and_supports_survive_and_unnamed_ones_get_a_default():
     ]
 
 
-def test_a_preset_without_names_is_written_without_them():
+def test_a_preset_without_names_is_written_without_names():
     values = tomllib.loads(preset_toml(load_preset("snow_vault")))
     assert not any("name" in entry for key in ("support", "load") for entry in values["surface"][key])
 
@@ -143,7 +143,7 @@ def test_pressure_all_around_cancels_out_and_says_so():
 THIN = {"thickness": 0.02}
 
 
-def test_the_tables_are_aligned_and_name_what_governs():
+def test_the_tables_of_loads_are_aligned_and_mark_the_governing_case():
     facts = json.loads(json.dumps(load_facts(Design.from_preset(load_preset("snow_vault", {"surface.edge": 0.8})))))
     lines = list(load_lines(facts))
     assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "uncut", "share", "under"]
@@ -165,14 +165,14 @@ def test_forces_and_directions_in_words():
     assert pointed == ["down", "up", "-x", "+y", "(0.6, 0, -0.8)"]
 
 
-def test_inspect_shows_them_even_of_a_design_that_is_refused(capsys):
+def test_inspect_shows_the_tables_even_of_a_refused_design(capsys):
     assert main(["inspect", DOME_MODES, "--set", "surface.edge=1", "--set", 'surface.support.0.hold="z"']) == 1
     said = capsys.readouterr()
     assert [line.split()[0] for line in said.out.splitlines()] == ["support", "support", "load", *["self", "force"]]
     assert "can move along" in said.err
 
 
-def test_inspect_of_a_folder_shows_what_was_built(capsys, tmp_path):
+def test_inspect_of_a_folder_shows_the_built_preset(capsys, tmp_path):
     changed = ["--set", "surface.edge=1", "--set", 'surface.support.0.name="ring beam"', "--format", "stl"]
     assert main(["build", DOME_MODES, *changed, "--no-picture", "-o", str(tmp_path / "o")]) == 0
     built = capsys.readouterr().out
@@ -324,7 +324,7 @@ def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path
 
 
 @pytest.mark.parametrize("words", [["--set", "statics.thickness=0.1"], ["--mesh", "a.obj"], ["-o", "a.png"]])
-def test_a_mesh_is_inspected_as_it_is(capsys, tmp_path, words):
+def test_inspect_of_a_mesh_applies_no_preset(capsys, tmp_path, words):
     file = tmp_path / "plate.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert main(["inspect", str(file), *words]) == 1

@@ -68,7 +68,7 @@ def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen
         assert next(iter(set(evened) - {"modes"})) == min(others, key=lambda one: one.rank).name.split(",")[0]
 
 
-def test_of_those_without_dead_ends_and_slits_the_stiffest_comes_first():
+def test_attempts_rank_by_dead_ends_then_slits_then_stiffness():
     """By hand: 3 is the only one without both; of the others a slit is the lesser evil, then stiffness counts."""
     soft, stiff, clean, slit, dead = (
         Attempt("soft", 9.0, 9.0, 0.5),

@@ -43,7 +43,7 @@ def test_a_hanging_bar_is_as_thick_as_its_force_is_large():
     assert max(off[2:]) < 0.7 * max(off[:2])
 
 
-def test_its_forces_are_those_of_statics_whatever_the_thickness():
+def test_optimal_forces_of_a_determinate_bar_equal_those_of_statics():
     """A bar is determinate: N_x = q (L - x), nothing across."""
     sheet, load = bar(8)
     (N,) = varying_thickness(sheet, [load], np.ones(1), 0.4).forces
@@ -73,7 +73,7 @@ def asked():
     return dsfab.load_preset("cantilever", {**STRIPES, "pattern.forces": "optimal"})
 
 
-def test_stripes_and_their_widths_follow_these_forces(asked):
+def test_stripes_and_widths_follow_the_optimal_forces(asked):
     made = Design.from_preset(asked)
     surface, uncut = made.surface, even_stripes(asked.with_pattern(forces="uncut"), made.surface, made.statics)
     best = even_stripes(asked, surface, made.statics)

@@ -179,7 +179,7 @@ def test_one_family_can_be_all_or_nothing(threshold):
     assert whole == (threshold == -1.0)
 
 
-def test_loose_pieces_are_dropped_and_told_or_kept_on_request():
+def test_loose_pieces_are_dropped_with_a_note_or_kept_on_request():
     changes = {**SMALL["dome"], "pattern.minor.threshold": 1.0, "pattern.keep": 0.3}
     dropped = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     kept = dsfab.run(dsfab.load_preset(DOME_MODES, {**changes, "slicing.loose": "keep"}))
@@ -237,7 +237,7 @@ def test_an_unusual_thickness_is_told():
     assert any("thin-sheet statics hold for ratios" in note.text for note in thick.notes)
 
 
-def test_a_load_too_large_for_the_sheet_is_told():
+def test_a_load_that_bends_the_sheet_too_far_gives_a_note():
     soft = {**SMALL["dome"], "statics.young": 1e6, "statics.check": False}
     notes = dsfab.run(dsfab.load_preset(DOME_MODES, soft)).notes
     assert any("over a tenth of its span" in note.text for note in notes)

@@ -132,7 +132,7 @@ def test_weight_rounds_have_no_effect_on_modes_and_give_a_note(vault):
     assert [len(one) for one in told] == [0, 1]
 
 
-def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
+def test_auto_tries_each_method_without_weight_rounds(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
     monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)

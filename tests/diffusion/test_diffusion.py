@@ -90,7 +90,7 @@ def test_operator_is_the_laplacian_of_the_intrinsic_metric(name, r, labelling):
 
 
 @zoo
-def test_operator_rows_sum_to_zero_and_it_is_symmetric(name):
+def test_the_diffusion_operator_is_symmetric_with_zero_row_sums(name):
     surface = ZOO[name]()
     L = diffusion_operator(surface, diffusion_tensors(surface, tangent_stress(surface)).major)
     assert abs(L - L.T).max() <= 1e-13 * abs(L).max()
@@ -189,7 +189,7 @@ def test_signed_follows_tension_and_magnitude_follows_the_larger_stress():
 
 
 @pytest.mark.parametrize("labelling", ["signed", "magnitude"])
-def test_isotropic_faces_prefer_no_direction_and_gamma_makes_fewer_of_them(labelling):
+def test_isotropic_faces_have_no_direction_and_gamma_reduces_their_number(labelling):
     plate = grid(20, 2, 1.0, 1.0)
     sigma = constant_stress(plate, 1.0, 1.0).copy()
     sigma[:, 0, 0] += np.linspace(0, 0.2, plate.m)
@@ -203,7 +203,7 @@ def test_isotropic_faces_prefer_no_direction_and_gamma_makes_fewer_of_them(label
     assert nothing.isotropic.all()
 
 
-def test_weak_stress_counts_as_isotropic_under_the_magnitude_rule_until_gamma_raises_it():
+def test_under_the_magnitude_rule_weak_stress_is_isotropic_until_gamma_raises_it():
     """The paper tunes the force magnitude where 'the original forces are too small'."""
     plate = grid(20, 2, 1.0, 1.0)
     sigma = constant_stress(plate, 1.0, 0.0).copy()

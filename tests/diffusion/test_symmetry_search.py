@@ -141,7 +141,7 @@ def test_loads_reduce_the_symmetry():
     assert len(group(surface, whole, LoadCase(whole.fixed, whole.force + [1e-2, 0, 0], whole.loaded))) == 2
 
 
-def test_loads_of_equal_moments_that_lie_elsewhere_break_it():
+def test_displaced_loads_of_equal_moments_reduce_the_symmetry():
     """Two forces on a diagonal have the resultant and the first moments of two on the other: seen at the full look."""
     surface = grid(12, 12, 2.0, 2.0)
     near = (np.linalg.norm(surface.V[:, :2] - 0.5, axis=1) < 0.2) | (
@@ -152,7 +152,7 @@ def test_loads_of_equal_moments_that_lie_elsewhere_break_it():
     assert (np.linalg.det(R) < 0).sum() == 2
 
 
-def test_a_bite_breaks_it():
+def test_a_missing_piece_of_the_surface_reduces_the_symmetry():
     surface = grid(24, 16, 3.0, 2.0)
     bitten = subsurface(surface, np.linalg.norm(surface.centroids[:, :2] - [0.5, 0.5], axis=1) > 0.25)
     assert len(group(bitten, pressed(bitten, np.abs(bitten.V[:, 0] - 1.5) > 1.5 - 1e-9))) == 1

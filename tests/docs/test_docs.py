@@ -112,7 +112,7 @@ def test_the_two_set_up_commands_differ_only_in_extras_and_in_the_final_command(
     assert (ROOT / "presets" / "dome.toml").is_file()
 
 
-def test_ci_finds_the_commands_it_runs():
+def test_the_page_marks_the_commands_that_ci_runs():
     for marker in ("system-packages", "build", "test"):
         after = README.partition(f"<!-- {marker} -->\n```sh\n")[2]
         assert after.splitlines()[0], marker
@@ -231,7 +231,7 @@ def test_the_readme_names_existing_files_and_folders():
         assert (ROOT / name).exists()
 
 
-def test_the_decisions_that_are_shown_are_those_for_the_canopy(tmp_path):
+def test_the_page_shows_the_real_decisions_for_the_canopy(tmp_path):
     (shown,) = (block for block in blocks("text", "docs/surfaces.md") if block.startswith("unit"))
     assert shown.strip().splitlines() == list(propose(canopy_mm(tmp_path)).lines)
 

@@ -20,7 +20,7 @@ MEDIA, OWN = ROOT / "docs" / "media", ROOT / "docs" / "examples"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def test_every_picture_has_its_maker_and_every_maker_its_picture():
+def test_pictures_and_scripts_of_pictures_correspond():
     made = {MEDIA / file for name in make.MAKERS for file in make.files(name)}
     assert made == {path for path in MEDIA.rglob("*") if path.is_file()}
 
@@ -101,7 +101,7 @@ def test_a_drawing_of_a_concept_is_made_from_a_design(name, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_the_canvas_of_grasshopper_shows_all_sockets_and_what_is_answered(tmp_path):
+def test_the_grasshopper_canvas_shows_all_sockets_and_answers(tmp_path):
     plate = grid(12, 12, 4.0, 4.0)
     (tmp_path / "plate.obj").write_bytes(obj(plate.V, plate.F))
     canvas = wires.drawn(tmp_path / "plate.obj")

@@ -105,7 +105,7 @@ def test_chords_that_an_arc_is_too_far_off_from_stay():
         np.testing.assert_allclose(one.spans, other.spans, atol=1e-9)
 
 
-def test_an_outline_keeps_its_angle_where_a_border_goes_on_in_its_direction():
+def test_an_outline_keeps_its_angle_at_a_border_that_continues_it():
     done, _ = arcs_of((-200, -128), within=2.0)
     assert np.degrees(np.arccos(directions(done[1])[1] @ directions(done[2])[0])) > 10
     np.testing.assert_allclose(directions(done[1])[0], [0, 1], atol=1e-12)

@@ -88,7 +88,7 @@ def test_creases_continue_to_their_common_point():
     assert 3 < np.linalg.norm(ends[..., :2], axis=2).max() < 6
 
 
-def test_points_on_a_crease_are_seen_from_both_sides_and_others_from_theirs():
+def test_points_on_a_crease_have_normals_of_both_sides():
     given = pointed_vault()
     sides = CreaseSides.from_skins(lifting_of(given).skins)
     weights = over_faces(given)

@@ -165,7 +165,7 @@ def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
             check_curves(part, found)
 
 
-def test_a_design_gives_curves_its_exact_lines_and_tables_simplified_ones():
+def test_curve_formats_get_exact_lines_and_tables_get_simplified_lines():
     design = run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {suffix for suffix, form in FORMATS.items() if getattr(form, "curves", False)} == {
         ".dxf",
@@ -196,7 +196,7 @@ def test_the_next_format_of_a_design_takes_the_curves_of_the_one_before(monkeypa
     assert len(made) >= 2
 
 
-def test_many_lines_are_solved_together_and_are_what_each_is_alone(monkeypatch):
+def test_lines_fitted_together_equal_lines_fitted_alone(monkeypatch):
     """One by one, 2,310 curves of a ball took a third of the time of their 3DM."""
     alone, solved, of = [], [], LeastSquares.from_hats
     turn = np.linspace(0.0, 2.0, 40)

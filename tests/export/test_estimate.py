@@ -47,7 +47,7 @@ def test_the_size_of_a_faceted_file_is_known_to_a_tenth(name):
     assert faceted_bytes(shape) == pytest.approx(sum(map(len, file.encode(part))), rel=0.1)
 
 
-def test_estimates_count_what_the_files_have(tmp_path, inspected):
+def test_estimates_equal_the_face_counts_of_the_files(tmp_path, inspected):
     solid = plate_with_hole()
     found = {one.way: one for one in step_estimates(solid)}
     assert [way for way, one in found.items() if one.chosen] == ["planar"]
@@ -110,7 +110,7 @@ def test_a_tolerance_simplifies_faceted_files_and_the_note_gives_the_distance(tm
     assert "mm off at most" in said[0]
 
 
-def test_auto_simplifies_what_is_over_the_budget(tmp_path, inspected):
+def test_auto_simplifies_solids_over_the_budget(tmp_path, inspected):
     said, solid = [], saddle_solid()
     write(solid, tmp_path / "a.step", step=StepOptions(faces=1000), note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]

@@ -162,7 +162,7 @@ def broken_disk(failure: BaseException):
     ],
     ids=["full", "broken", "interrupt"],
 )
-def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failure, raised, said, older):
+def test_a_failed_write_leaves_the_folder_unchanged(tmp_path, monkeypatch, failure, raised, said, older):
     path = tmp_path / "part.stl"
     if older:
         path.write_bytes(older)

@@ -80,7 +80,7 @@ def test_the_manifest_names_sizes_and_hashes(place):
     }
 
 
-def test_a_manifest_that_names_other_places_pushes_nothing_out_there(place):
+def test_a_manifest_with_foreign_paths_removes_nothing_outside(place):
     secret = place.parent / "secret.txt"
     secret.write_text("s")
     known = manifest(place.parent)["secret.txt"]
@@ -189,7 +189,7 @@ print(json.dumps(ends))
 @pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("where", ["beside", "inside"])
-def test_killed_at_any_step_there_is_the_old_folder_or_the_new_one(tmp_path, where):
+def test_a_killed_delivery_leaves_the_old_or_the_new_folder(tmp_path, where):
     """A process that delivers is ended before each of its calls of the system, one after the other."""
     done = subprocess.run(
         [sys.executable, "-c", KILLED, str(tmp_path), where], capture_output=True, text=True, check=True, cwd=ROOT

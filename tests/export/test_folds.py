@@ -44,7 +44,7 @@ def test_two_strips_are_planes_that_meet_in_a_mitred_ridge():
     assert text.count("=ORIENTED_EDGE(") == 2 * text.count("=EDGE_CURVE(")
 
 
-def test_edges_of_facets_aslant_keep_to_their_planes_as_near_as_occt_asks_at_all(tmp_path):
+def test_edges_of_oblique_facets_lie_on_their_planes_within_the_limit_of_occt(tmp_path):
     """On a turned roof of 8 m with 6 decimals they were 1e-6 mm off, and what shortens an edge found it too far off."""
     from OCP.BRep import BRep_Tool
     from OCP.TopoDS import TopoDS
@@ -77,7 +77,7 @@ def test_vertices_that_a_file_rounded_are_put_into_their_planes():
     assert off_planes(sheet) < 1e-5
 
 
-def test_faces_around_a_corner_where_too_many_planes_meet_are_facets_of_their_own():
+def test_a_corner_of_too_many_planes_keeps_its_facets():
     surface = pyramid()
     part, _, _ = folded_part(surface, np.zeros(surface.m, dtype=bool))
     sheet = folded_sheet(part)

@@ -169,7 +169,7 @@ def test_a_refusal_lists_the_cost_of_each_way_without_reading_a_file_back(tmp_pa
     assert chosen(solid, step=StepOptions(faces=10)) is None
 
 
-def test_quick_simplifies_no_further_what_is_far_over_the_budget(tmp_path, unread, monkeypatch):
+def test_quick_does_not_simplify_solids_far_over_the_budget(tmp_path, unread, monkeypatch):
     tried, true = [], strategies.simplified_part
     monkeypatch.setattr(strategies, "simplified_part", lambda part, by: tried.append(by) or true(part, by))
     for faces, times in ((10, 1), (500, 2)):
@@ -278,7 +278,7 @@ def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault
         step.check(part, path)
 
 
-def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut(slow_vault, cut, monkeypatch):
+def test_a_trial_cut_is_judged_by_halves_and_box_and_skipped_for_large_files(slow_vault, cut, monkeypatch):
     solid, curved = slow_vault
     part = strategies.prepare(part_of(solid, "a", STEP_FACES))
     limits = acceptance.SmoothPlan(replace(part, curved=curved)).limits

@@ -192,7 +192,7 @@ def test_the_same_lines_give_the_same_bytes_on_another_day(suffix, tmp_path, mon
 
 
 @pytest.mark.parametrize("suffix", LINES)
-def test_a_drawing_without_lines_is_refused_and_one_that_lost_some_is_not_kept(suffix, tmp_path, monkeypatch):
+def test_a_drawing_without_lines_is_refused_and_a_drawing_with_lost_lines_is_removed(suffix, tmp_path, monkeypatch):
     with pytest.raises(ExportError, match=f"a {suffix} file holds lines and 'a' comes with none"):
         write(FLAT[0], tmp_path / f"a{suffix}")
     form = FORMATS[suffix]

@@ -277,7 +277,7 @@ def test_each_format_receives_its_own_object(design):
 
 
 @pytest.mark.slow
-def test_build_and_export_write_them(tmp_path, capsys):
+def test_build_and_export_write_all_line_formats(tmp_path, capsys):
     small = ("--set", "surface.edge=0.12")
     folder = tmp_path / "built"
     formats = "dxf,svg,csv,json,off,vtu"

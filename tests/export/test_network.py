@@ -284,7 +284,7 @@ def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
     np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
 
 
-def test_the_rectangle_of_a_strip_lies_along_it():
+def test_the_rectangle_of_a_strip_follows_its_direction():
     """At 30 degrees to both axes; a rectangle along them has six times the strip's area."""
     strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
@@ -513,7 +513,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
 
 
 @pytest.mark.parametrize(("near", "trimmed"), [(True, 2), (False, 0)])
-def test_a_crossing_goes_back_to_patches_where_one_surface_is_not_near(monkeypatch, near, trimmed):
+def test_a_crossing_that_one_surface_does_not_fit_is_written_as_patches(monkeypatch, near, trimmed):
     """The half of a strip is taken for a crossing, for which one face on each skin is enough."""
     given = cylinder_strip()
     angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
@@ -726,7 +726,7 @@ def test_regions_merge_if_their_common_chain_comes_near_an_outline_corner(near, 
     assert (1 in done.chains) == (not one)
 
 
-def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
+def test_edges_that_are_parts_of_a_side_of_a_patch_lie_exactly_on_it():
     """A side that is two edges: OCCT takes as exact what is off by less than 1e-7 mm."""
     P = np.random.default_rng(1).uniform(-1e3, 1e3, (4, 4, 6))
     sides = [P[:, 0], P[3], P[::-1, 3], P[0, ::-1]]
@@ -780,7 +780,7 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeypatch):
+def test_a_grid_is_written_by_members_and_its_trial_cut_is_valid(tmp_path, monkeypatch):
     """The same grid: one cut of it is tried, and none where it has more faces than are cut unasked."""
     surface = cylinder_strip()
     _, solid, curved = draft_of(surface, cylinder_grid(surface))

@@ -126,7 +126,7 @@ def test_the_seam_at_a_corner_that_is_filled_goes_on_over_both_patches(ahead):
 
 
 @pytest.mark.parametrize("ahead", [True, False])
-def test_edges_of_walls_beside_such_a_corner_have_their_places_on_patches_too(ahead):
+def test_wall_edges_beside_a_long_seam_lie_on_their_patches(ahead):
     model, _, seams = with_long_seams(given := notch(ahead), [])
     (corner,) = filled_corners(given)
     assert set(seams) == {0, *corner.beside}
@@ -162,7 +162,7 @@ def test_a_seam_continues_over_a_trimmed_face_only_if_the_face_contains_it():
     assert new.patches[0].within
 
 
-def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch():
+def test_a_seam_that_a_wall_continues_ends_beside_a_wider_patch():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     (corner,) = filled_corners(model)
     assert (corner.seam, corner.end) == (0, 1)
@@ -173,7 +173,7 @@ def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch(
     assert new.patches[0].poles[3, :, 0] == pytest.approx(np.full(4, THICK / 100), rel=0.01)
 
 
-def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_is_wanted():
+def test_the_patch_beyond_a_long_seam_is_extended_until_its_tangents_leave_the_gap():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     patch, (corner,) = with_long_seams(model, [])[0].patches[1], filled_corners(model)
     far = LARGE_FILLET_SHARE * THICK * corner.half
@@ -234,7 +234,7 @@ def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given
 
 
 @pytest.mark.slow
-def test_occt_keeps_where_a_seam_goes_on_if_walls_beside_have_their_places_too(tmp_path):
+def test_occt_keeps_a_long_seam_if_the_walls_beside_it_have_parameters(tmp_path):
     """It puts the end of one to the end of the other, if they are .1 um apart, and drops what is beyond."""
     model, _ = with_ordered_walls(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
     model, _, seams = with_long_seams(model, [])

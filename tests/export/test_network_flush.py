@@ -114,7 +114,7 @@ def test_places_are_found_over_a_parallelogram_in_a_plane_of_any_direction():
     np.testing.assert_allclose(places(poles.reshape(4, 4, 3), axes, points), uv, atol=1e-12)
 
 
-def test_a_face_without_corners_stays_as_it_is():
+def test_a_face_without_corners_is_unchanged():
     old, face = given(0.03)
     model, (found,) = flush_at_corners(replace(old, walls=[]), [face])
     assert model.edges == old.edges

@@ -69,7 +69,7 @@ def test_the_parabola_of_a_cubic_goes_through_its_ends_and_its_middle():
         (wavy(0, 0, 2.8), 9.0, False),  # and by a quarter out of it
     ],
 )
-def test_cubics_are_parabolas_where_these_are_near_and_turn_little(curve, distance, three):
+def test_nearly_parabolic_cubics_become_parabolas(curve, distance, three):
     (found,) = curves_as_parabolas([curve], distance, ANYWHERE)
     assert (len(fewest_poles(found.spans[0], 0)) == 3) == three
     assert (found is curve) != three
@@ -112,7 +112,7 @@ def test_patches_between_parabolas_are_of_degree_2_where_that_is_near():
     assert degrees(patches_as_parabolas(patch(0.02, 1.0), 1.0)) == (3, 2), "a side is a cubic"
 
 
-def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
+def test_parabolas_have_three_poles_and_bound_their_faces():
     P = patch(0.0, 1.0)[0, 0]
     sides = [P[:, 0], P[3], P[::-1, 3], P[0, ::-1]]
     model = NetModel(vertices=[side[0] for side in sides])
@@ -146,7 +146,7 @@ def test_faces_across_a_cylinder_have_degree_2_and_faces_around_it_degree_3():
 
 
 @pytest.mark.parametrize(("bend", "degree"), [(1e-3, 2), (1.0, 3)])
-def test_a_trimmed_face_is_a_quadric_where_its_edges_are_on_one(bend, degree):
+def test_a_trimmed_face_with_quadric_edges_is_a_quadric(bend, degree):
     """A square of 200 mm on a paraboloid, which rises by some millimetres with the third power of x."""
 
     def point(x, y):

@@ -68,7 +68,7 @@ def test_a_face_whose_gap_is_too_wide_to_be_split_stays():
     assert found.inner is face.inner
 
 
-def test_edges_inside_stay_as_they_are():
+def test_inner_edges_are_unchanged():
     """No fillet of an outline ends there."""
     model, face = given([0.03, 0.02, -0.03, 0.025])
     (found,) = with_sampled_peaks(replace(model, walls=[]), [face])

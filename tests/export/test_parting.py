@@ -87,7 +87,7 @@ def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeyp
     assert (len(two) or 1) == parts
 
 
-def test_a_region_without_a_gap_stays_as_it_is():
+def test_a_region_without_a_gap_stays_undivided():
     model, loop = folded_model(HALVES, 0)
     edges = list(model.edges)
     before, after = divided(model, loop)
@@ -131,7 +131,7 @@ def test_a_region_that_strays_from_the_mesh_is_divided_on_request(monkeypatch, m
 @pytest.mark.parametrize(
     ("mesh", "tried"), [(None, 1), (lambda points: np.ones(len(points)), sum(range(1, trimmed_division.TIMES + 1)))]
 )
-def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_counts(monkeypatch, mesh, tried):
+def test_further_seams_are_tried_if_the_usual_seams_fail(monkeypatch, mesh, tried):
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
     work = trimmed_division._FaceDivision(model, np.zeros_like, limits)
@@ -174,7 +174,7 @@ def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
     assert len(seen[0].poles) == 2 * (len(loop) + 1)
 
 
-def test_seams_keep_to_the_mesh_where_that_is_asked():
+def test_seams_follow_the_mesh_on_request():
     """Of a region whose seams in the middle do not, as beside a crease, others are taken."""
 
     def off_mesh(points: np.ndarray) -> np.ndarray:

@@ -185,7 +185,7 @@ def faces_in(text: str) -> list[tuple[Floats, Floats]]:
 
 
 @pytest.mark.parametrize("across", [1.0, -1.0])
-def test_surfaces_face_outwards_and_loops_run_around_them(tmp_path, inspected, across):
+def test_planar_faces_are_oriented_outwards_with_consistent_loops(tmp_path, inspected, across):
     """OCCT would turn wrong ones round without a word; other readers may not. A quarter of a disc is convex."""
     turn = np.linspace(0, np.pi / 2, 40)
     quarter = fan(0.2 * np.r_[np.c_[np.cos(turn), np.sin(turn)], [[0, 0]]] - 0.08)

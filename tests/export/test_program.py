@@ -22,7 +22,7 @@ def test_a_program_answers_with_its_last_line(tmp_path):
     assert ahead._run.returncode == 0
 
 
-def test_one_that_is_not_asked_is_gone(tmp_path):
+def test_an_unused_program_is_ended(tmp_path):
     with pytest.raises(KeyError), program(tmp_path, ECHO) as ahead:
         raise KeyError
     assert ahead._run.returncode is not None
@@ -55,7 +55,7 @@ WAITS = "import json, pathlib, sys, time\n" + (
 )
 
 
-def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
+def test_background_work_is_done_during_the_wait_for_a_program(tmp_path):
     """The program ends only once that is done, and says so; it is done once."""
     path, done = tmp_path / "done", []
     with work_while_waiting(lambda: done.append(path.touch())), program(tmp_path, WAITS) as ahead:
@@ -71,7 +71,7 @@ def test_a_finished_program_answers_even_after_its_time_limit(tmp_path):
         assert ahead.last_line("a", seconds=0.001) == "a"
 
 
-def test_other_work_is_done_at_the_end_if_nothing_was_waited_for():
+def test_background_work_is_done_at_the_end_without_a_wait():
     done = []
     with work_while_waiting(lambda: done.append(1)):
         assert not done

@@ -68,7 +68,7 @@ def test_admesh_finds_nothing_to_mend_in_an_stl_file(arched_solid, tmp_path):
 
 @program("prusa-slicer")
 @pytest.mark.parametrize("suffix", ["stl", "3mf"])
-def test_prusaslicer_finds_a_manifold_and_slices_it(suffix, arched_solid, tmp_path):
+def test_prusaslicer_accepts_and_slices_the_solid(suffix, arched_solid, tmp_path):
     path, made = write(arched_solid, tmp_path / f"arch.{suffix}"), tmp_path / "arch.gcode"
     info = dict(re.findall(r"^(\w+) = +(.+)$", ran("prusa-slicer", "--info", path), re.M))
     assert info["manifold"] == "yes"
@@ -99,7 +99,7 @@ print(len(solids), volume, len(tetrahedra))
 
 @module("gmsh")
 @pytest.mark.parametrize("way", ["planar", "faceted"])
-def test_gmsh_reads_a_step_file_and_fills_it_with_tetrahedra(way, arched_solid, flat_solid, tmp_path, inspected):
+def test_gmsh_fills_a_step_file_with_tetrahedra(way, arched_solid, flat_solid, tmp_path, inspected):
     solid = flat_solid if way == "planar" else arched_solid
     path = write(solid, tmp_path / "a.step", step=way)
     solids, volume, tetrahedra = ran(sys.executable, "-c", GMSH, path, 30).split()[-3:]

@@ -22,7 +22,7 @@ from tests.pynite import solved_from
 from tests.saf import faults, read, sums
 
 
-def test_the_workbook_has_what_the_published_tables_ask(tmp_path):
+def test_the_workbook_has_the_columns_of_the_published_tables(tmp_path):
     book = read(written(crooked(), tmp_path / "crooked.saf.xlsx"))
     assert faults(book) == []
     assert book["Project"][0]["Name"] == "crooked"
@@ -70,7 +70,7 @@ def test_the_workbook_has_what_the_published_tables_ask(tmp_path):
         ("Model", "SAF Version", "1.0", "SAF Version is '1.0'"),
     ],
 )
-def test_the_checker_finds_what_is_wrong(tmp_path, sheet, column, value, said):
+def test_the_checker_of_the_tests_finds_planted_faults(tmp_path, sheet, column, value, said):
     book = read(written(crooked(), tmp_path / "crooked.saf.xlsx"))
     book[sheet][0][column] = value
     assert any(said in fault for fault in faults(book))
@@ -152,7 +152,7 @@ def test_people_say_saf(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path, capsys):
+def test_export_writes_saf_and_reports_the_accuracy_of_beams(tmp_path, capsys):
     path = tmp_path / "vault.saf.xlsx"
     coarse = ["--set", "surface.edge=0.5"]
     assert main(["export", "barrel_vault", "--to", "saf", "-o", str(path), *coarse]) == 0

@@ -62,7 +62,7 @@ def test_a_chart_that_no_plane_sees_is_divided():
     assert min(chart.steepest for chart in atlas.charts.values()) > charts.STEEPEST
 
 
-def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
+def test_a_fit_keeps_its_tolerance_between_its_points_or_adds_points():
     """With as many poles as points a surface meets the points, and waves between them."""
     rng = np.random.default_rng(0)
     height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.02)  # noqa: E731
@@ -107,7 +107,7 @@ def test_a_face_between_three_borders_joins_a_neighbouring_chart():
     assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
 
 
-def test_an_outline_that_touches_itself_is_cut_apart_there():
+def test_an_outline_that_touches_itself_is_split_at_that_vertex():
     """Chart 1 is two squares that meet in a corner: the outline of chart 0 around them comes by there twice."""
     flat = grid(4, 4, 4.0, 4.0)
     cell = np.floor(flat.centroids[:, :2]).tolist()

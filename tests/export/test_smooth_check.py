@@ -52,7 +52,7 @@ os._exit(0)
 
 
 @pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
-def test_a_copy_ends_with_the_process_that_it_is_a_copy_of(tmp_path):
+def test_a_forked_worker_ends_with_its_parent(tmp_path):
     """As when the time is over, or somebody presses Ctrl-C."""
     (tmp_path / "a.py").write_text(LEFT)
     state = Path("/proc", last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60), "stat")

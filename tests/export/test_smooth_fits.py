@@ -163,7 +163,7 @@ def test_points_are_written_as_lists_are():
     assert len(new.text) == len(set(wanted)) < len(P)
 
 
-def test_prisms_are_those_of_a_quadrature_that_is_exact_for_cubics():
+def test_prism_volumes_agree_with_an_exact_quadrature():
     V, D = np.random.default_rng(0).normal(size=(2, 30, 3))
     F = np.random.default_rng(1).permutation(30).reshape(-1, 3)
     total = np.zeros(len(F))
@@ -173,7 +173,7 @@ def test_prisms_are_those_of_a_quadrature_that_is_exact_for_cubics():
     assert prisms(V, D, F) == pytest.approx(total)
 
 
-def test_chords_that_cross_are_those_of_all_pairs():
+def test_crossing_chords_equal_those_of_a_search_over_all_pairs():
     """Chords of very different lengths; two in five begin where another one ends."""
     rng = np.random.default_rng(0)
     start = rng.random((200, 2))
@@ -245,7 +245,7 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
     return counts, fit
 
 
-def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
+def test_the_number_of_poles_grows_with_the_fourth_root_of_the_deviation(monkeypatch):
     """Twice as many at most, 1.15 times at least, 1.05 times what the root says between; what is just near enough is
     taken."""
     counts, fit = tried(monkeypatch, 100, [16.0, 2.0, 1.001, 1.0])
@@ -275,5 +275,5 @@ def test_the_number_of_poles_grows_up_to_the_limit_and_the_number_of_points(monk
     ("stretch", "poles"),
     [((4.0, 1.0), (16, 6)), ((1.0, 2.0), (6, 11)), ((1000.0, 1.0), (25, 6)), ((1.0, 1000.0), (6, 25))],
 )
-def test_poles_are_as_far_apart_both_ways_up_to_ten_to_one(monkeypatch, stretch, poles):
+def test_poles_have_equal_distances_in_both_directions_up_to_ten_to_one(monkeypatch, stretch, poles):
     assert tried(monkeypatch, 100, [0.5], stretch)[0] == [poles]

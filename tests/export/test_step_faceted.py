@@ -41,7 +41,7 @@ def references(text: str) -> list[int]:
 
 
 @pytest.mark.parametrize("solid", [turned(torus()), turned(plate_with_hole(), 1)], ids=["torus", "plate"])
-def test_lines_join_the_written_corners_exactly_and_planes_pass_them_by(solid):
+def test_written_lines_join_the_written_corners_exactly(solid):
     found = entities(solid)
     points = [rest for word, rest in found.values() if word == "CARTESIAN_POINT"]
     assert len(points) == len(set(points))
@@ -95,7 +95,7 @@ def test_corners_nearer_than_the_decimals_become_one(tmp_path, inspected):
     assert inspected["faces"] < len(solid.F)
 
 
-def test_a_face_takes_less_than_900_bytes_and_the_same_solid_gives_the_same_ones():
+def test_a_face_takes_less_than_900_bytes_and_files_are_reproducible():
     part = replace(strategies.prepare(part_of(turned(torus()), "a", 10**6)), step="faceted")
     text = b"".join(file.encode(part))
     assert len(text) < 900 * len(part.F)

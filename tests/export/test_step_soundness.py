@@ -86,7 +86,7 @@ def test_faces_without_crossings_are_drawn_once(monkeypatch):
 
 
 @pytest.mark.parametrize("lost", [slice(1, None), slice(0, 0), slice(192, None)])
-def test_all_is_drawn_where_faces_alone_do_not_hang_together_as_before(monkeypatch, lost):
+def test_all_faces_are_triangulated_again_if_single_faces_do_not_connect(monkeypatch, lost):
     """A triangle, all, or those of a face are missing: that they do not cross then says nothing."""
     sound, _, asked = judged(monkeypatch, 0.01, spoil=lambda mesh: replace(mesh, F=mesh.F[lost], face=mesh.face[lost]))
     assert asked == [[0, 1, 2], None]

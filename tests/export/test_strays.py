@@ -40,7 +40,7 @@ def test_a_face_without_points_follows_the_skins(height, moved):
     assert found.gap < limits.gap
 
 
-def test_skins_that_stand_upright_beside_a_face_are_no_part_of_it():
+def test_upright_skins_beside_a_face_do_not_count_as_the_face():
     model, loop = flat_model(SQUARE)
     limits, none = asked(0.01, 1.0), np.zeros((0, 6))
     face = trimmed_face(model, [loop], none, limits)
@@ -59,5 +59,5 @@ def test_faces_with_a_measured_distance_from_the_mesh_stay():
     assert without_strays(model, {7: face}, {7: none}, to_bump(9), limits) == {7: face}
 
 
-def test_nothing_is_asked_where_no_face_is():
+def test_a_model_without_faces_needs_no_distance():
     assert without_strays(flat_model(SQUARE)[0], {}, {}, to_bump(9), asked(0.01, 1.0)) == {}

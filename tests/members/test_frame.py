@@ -237,7 +237,7 @@ def test_slender_frames_agree_with_the_shell_within_a_tenth(name):
         assert ("of the energy is in discs, links, bays wider" in found.summary) == (off > 0.1), found
 
 
-def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
+def test_energy_in_discs_is_reported_even_if_their_beams_carry_little():
     """The twisty tower is pressed on a disc that bends: two thirds of its energy, of which its beams have a tenth."""
     made = loaded_bar()
     answers = solve_frame(made)

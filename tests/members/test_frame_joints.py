@@ -43,7 +43,7 @@ def groups(given: MemberGraph) -> int:
 
 
 @pytest.mark.parametrize("knot", [0.0, 0.1])
-def test_arms_of_a_star_hang_together_though_no_node_joins_them(knot):
+def test_the_arms_of_a_star_are_connected_without_a_common_node(knot):
     """They end free beside each other, .07 m from the middle, or around a few faces that have no axis: the middle of
     the preset `slab`, at two sizes of triangles."""
     plate = grid(20, 20, 2.0, 2.0)

@@ -89,7 +89,7 @@ def test_bays_are_right_to_seven_tenths_of_a_millimetre_and_curvatures_to_three_
         assert bay_errors(given, graph).max() < 0.5 * bay_errors(*drawn(name, 0.2)).max()
 
 
-def test_a_hypar_has_a_node_wherever_two_lines_cross_and_members_are_named_along_it():
+def test_a_hypar_has_a_node_at_each_crossing_and_members_named_in_order():
     _, graph = drawn("hypar", 0.4)
     assert [member.id for member in graph.members] == [f"{x}{k:02d}" for x in "AB" for k in range(1, 11)]
     stripes = {tuple(graph.by_id[name].stripe for name in node.members) for node in graph.nodes}
@@ -104,7 +104,7 @@ def test_a_hypar_has_a_node_wherever_two_lines_cross_and_members_are_named_along
     assert not graph.notes
 
 
-def test_a_crossing_has_the_area_that_both_widths_enclose_and_widths_are_those_drawn():
+def test_crossings_and_members_have_the_drawn_widths():
     _, graph = drawn("cylinder", 0.2)
     inner = [node for node in graph.nodes if node.kind == "crossing"]
     assert np.median([node.area for node in inner]) == pytest.approx(WIDTH**2, rel=0.02)
@@ -423,7 +423,7 @@ def test_names_and_numbers_of_members_are_reproducible():
 
 
 @pytest.mark.slow
-def test_a_dome_has_rings_and_meridians_of_which_every_other_one_ends_on_a_ring():
+def test_every_second_meridian_of_a_dome_ends_on_a_ring():
     made = design("dome")
     graph = made.members
     assert_whole(graph, made.sheet)

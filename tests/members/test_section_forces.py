@@ -68,7 +68,7 @@ def test_a_supported_plate_has_naviers_moments_and_edge_shear():
     assert shears[-1] < 0.025 < shears[0]
 
 
-def test_a_tube_under_pressure_has_p_r_around_it():
+def test_a_tube_under_pressure_has_the_hoop_force_p_r():
     s, fixed, out = short_tube()
     found = forces_of(s, fixed, face=1e4 * out)
     hoop = found.principal("n")
@@ -95,7 +95,7 @@ def test_a_hemisphere_under_its_weight_has_the_dome_formulas():
         assert np.sqrt(np.average((value - exact) ** 2, weights=s.areas)) < 20
 
 
-def test_needles_of_faces_do_not_spoil_the_shear_around_them():
+def test_needle_faces_do_not_spoil_the_shear_around_them():
     """Nodes of a strip moved onto their neighbours, all but a hundredth of the way."""
     s = grid(16, 4, 1.0, 0.2)
     V = s.V.copy()
@@ -190,7 +190,7 @@ def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome_desig
     assert_allclose(last["m_1 [N m/m]"], found["all"].principal("m").values[:, 0], rtol=1e-6)
 
 
-def test_paraview_gets_them_on_the_cut_sheet(dome_design, tmp_path):
+def test_section_forces_are_written_for_paraview_on_the_cut_sheet(dome_design, tmp_path):
     import pyvista
 
     shown = pyvista.read(dome_design.write(tmp_path / "dome.forces.vtu"))

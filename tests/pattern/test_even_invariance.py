@@ -58,7 +58,7 @@ def test_the_same_bytes_again(name):
 
 
 @every
-def test_there_are_stripes_of_the_asked_spacing(name):
+def test_the_compared_patterns_have_stripes_of_the_requested_spacing(name):
     """What the tests above compare is not nothing."""
     given = case(name)
     share = given.surface.areas @ given.material / given.surface.area
@@ -125,7 +125,7 @@ def test_halved_stripes_of_a_symmetric_mesh_are_symmetric(make, order):
 
 
 @pytest.mark.slow
-def test_widths_are_those_of_all_images_where_faces_have_none():
+def test_widths_are_symmetric_even_if_faces_have_no_images():
     """The vertices of the shipped dome have images, not all of its faces: their slopes alone differ by 2 %."""
     made = draft(load_preset("dome"))
     even = made.pattern.even

@@ -128,7 +128,7 @@ def test_along_a_held_part_of_an_edge_the_width_is_even():
     assert area(sheet) == pytest.approx(3 * 0.4 - 0.4**2 + 2 * np.pi * 0.4**2 / 4, rel=0.01)
 
 
-def test_on_a_tube_it_is_measured_along_the_surface():
+def test_the_kept_distance_is_measured_along_the_surface():
     """A disc on the tube, unrolled; and both ends. Straight lines through the air would keep more."""
     surface = prism(8, 5, 4.0)
     point = np.arange(surface.n) == 2
@@ -220,7 +220,7 @@ def test_a_sheet_that_is_near_through_the_air_is_not_kept():
     assert sheet.surface.centroids[sheet.material, 2].max() == 0
 
 
-def test_nothing_asked_and_closed_surfaces_keep_nothing():
+def test_closed_surfaces_and_a_zero_distance_keep_nothing():
     ball = sphere()
     assert kept_layers(ball, nothing(ball), 0.3, 0.3) == []
     plate = grid(2, 2, 1.0, 1.0)

@@ -138,7 +138,7 @@ def test_a_line_runs_through_the_peak_of_the_start():
     assert value[at] == pytest.approx(1.4 * (plate.V[at, 0] - 1.3), abs=0.08)
 
 
-def test_powers_of_a_matrix_are_those_of_its_products():
+def test_krylov_powers_equal_repeated_products():
     """Not symmetric, to any mass; exact with as many products as powers, and nearly so with fewer."""
     rng = np.random.default_rng(0)
     n, mass = 60, rng.uniform(0.5, 2, 60)
@@ -152,7 +152,7 @@ def test_powers_of_a_matrix_are_those_of_its_products():
     assert off[0] < off[1] < 1e-3 < off[2] < off[3]
 
 
-def test_powers_end_where_products_tell_nothing_new():
+def test_krylov_powers_stop_at_an_invariant_subspace():
     """Two eigenvectors in the start: two products say all."""
     D = np.array([3.0, 2.0, 1.0, 0.5])
     x = np.array([1.0, 1.0, 0.0, 0.0])
@@ -341,7 +341,7 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     assert np.abs(phase.value - slope * angle - off).max() < 0.01
 
 
-def test_density_is_the_asked_one_on_average():
+def test_the_mean_density_of_stripes_is_the_requested_density():
     ring = ring_part(12)
     u = log_density(Frames.for_surface(ring), around(ring), np.ones(ring.m))
     for allowed in (True, False):
@@ -442,7 +442,7 @@ def test_unstressed_parts_are_filled_in_from_around():
     assert np.abs(found @ [0.6, 0.8, 0.0]) == pytest.approx(1, abs=1e-9)
 
 
-def test_without_stress_there_is_nothing_to_follow():
+def test_a_surface_without_stress_has_no_stripe_directions():
     plate = grid(3, 3, 1.0, 1.0)
     with pytest.raises(PatternError, match="nothing is stressed"):
         cross_field(

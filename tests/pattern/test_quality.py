@@ -252,7 +252,7 @@ def test_build_and_inspect_report_the_same_openings(tmp_path, capsys):
     assert set(lines) <= set(capsys.readouterr().out.split("\n"))
 
 
-def test_reports_and_the_editor_have_them_too(modes):
+def test_reports_and_editor_show_the_quality_of_stripes(modes):
     compared = comparison(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
     assert compared.pattern is not None
     table = pattern_table(compared.pattern, CaptionNumbers())

@@ -316,7 +316,7 @@ def test_reports_list_only_supports_outside_of_voids():
     assert -told["load_N"][2] == pytest.approx(told["reaction_N"][2], rel=1e-6)
 
 
-def test_tables_and_pieces_know_what_was_held_before_the_void():
+def test_support_tables_use_the_supports_of_the_surface_without_void():
     """The edge of an oculus is in no table and touches no piece as if it were held."""
     load = [{"kind": "self_weight"}]
     design = dsfab.run(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))
@@ -534,7 +534,7 @@ def test_a_folder_holds_its_regions(tmp_path):
     assert np.array_equal(again.solid.F, design.solid.F)
 
 
-def test_a_region_on_one_side_is_told():
+def test_an_asymmetric_region_gives_a_note():
     design = dsfab.run(wall(RING))
     assert any(
         "the stripes are the same at 4 images, pattern.region.0 at 2 of them only" in n.text for n in design.notes
@@ -544,7 +544,7 @@ def test_a_region_on_one_side_is_told():
     assert one_sided_message(design.surface, design.preset.pattern.region, None) == ""
 
 
-def test_a_void_is_told_with_its_area():
+def test_a_void_gives_a_note_with_its_area():
     notes = [note.text for note in draft(wall(OCULUS)).notes]
     assert "pattern.region.0 (oculus) is void: 2.01 m2 of 48 m2" in notes
 

@@ -326,7 +326,7 @@ def test_guides_reduce_the_symmetry_and_the_note_names_the_rest(more, order, tol
         ({"families": "one"}, r"pattern\.families = 'one'"),
     ],
 )
-def test_mistakes_are_told_in_a_sentence(more, told):
+def test_invalid_guides_are_refused_in_one_sentence(more, told):
     with pytest.raises(DsfabError, match=told) as refused:
         drafted(**more)
     assert "\n" not in str(refused.value)
@@ -372,7 +372,7 @@ def test_stripes_of_one_family_are_half_the_material(families):
         assert made.half_width(families).max() == pytest.approx(1 / 8)
 
 
-def test_a_family_that_is_not_drawn_is_not_asked_for_anything():
+def test_keys_of_an_omitted_family_are_not_checked():
     wrong = {"minor.spacing": 1e-3}
     with pytest.raises(PatternError, match="too fine"):
         _ = pulled(**wrong).even
@@ -477,7 +477,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
     assert (found.major.drawn, found.major.spacing, found.minor.drawn) == (False, (0.0, 0.0, 0.0), True)
 
 
-def test_only_what_is_drawn_is_chosen():
+def test_auto_chooses_only_for_the_drawn_families():
     asked = {"surface.edge": 0.9, "pattern.families": "minor"}
     asked |= {f"pattern.{name}.phase": "auto" for name in ("major", "minor")}
     found = design.draft(load_preset(DOME_MODES, asked)).pattern.choice.candidates

@@ -104,7 +104,7 @@ def test_bounds_in_metres_hold_and_the_same_preset_gives_the_same_sheet(stressed
 
 
 @pytest.mark.parametrize("good", [0, 2])
-def test_a_step_that_carries_nothing_ends_the_search_and_is_told(stressed, monkeypatch, good):
+def test_a_step_without_stiffness_ends_the_search_with_a_note(stressed, monkeypatch, good):
     """After two good steps the better one is taken; after none, the widths of the rule `graded`."""
     carrying, called = StressedTrial.carrying, []
 
@@ -134,7 +134,7 @@ def test_the_cantilever_comes_within_a_tenth_of_simp():
     assert 1 / stiffness(design) == pytest.approx(1.68, rel=0.01)
 
 
-def test_widths_that_are_far_from_those_that_close_openings_are_not_taken():
+def test_widths_far_from_closing_openings_are_rejected():
     """By hand: closed at 2 the share is met by a hundredth of the width, at a little less by about as much."""
 
     def reached(found, closed):

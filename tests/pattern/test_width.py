@@ -233,7 +233,7 @@ def test_plain_widths_without_bounds_are_the_thresholds(name):
     assert areas[0] == pytest.approx(areas[1], rel=1e-12)
 
 
-def test_stripes_are_widened_until_they_touch():
+def test_wider_stripes_end_as_touching_stripes():
     stripes = Stripes(3.0, 0.1, 0.6)
     assert stripes.with_width_factor(1) is stripes
     assert stripes.with_width_factor(2.0).threshold == pytest.approx(0.2)
@@ -295,7 +295,7 @@ def test_a_good_first_guess_saves_steps(share, off, slope):
     assert len(asked) <= (1 if off == 1 else 6)
 
 
-def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
+def test_an_unreachable_share_is_refused_with_the_reachable_range():
     for wanted, says in ((0.1, "at least 20.0%"), (0.95, "at most 90.0%")):
         with pytest.raises(PatternError, match=f"cannot keep {wanted:.1%} of the surface: {says}"):
             solved_factor(lambda f: min(0.2 + f, 0.9), wanted, 1e-3)
@@ -303,7 +303,7 @@ def test_a_share_out_of_reach_is_refused_with_what_can_be_reached():
         solved_factor(lambda f: 0.2 if f < 0.7 else 0.8, 0.5, 1e-3)
 
 
-def test_of_a_share_that_jumps_a_little_the_nearest_is_taken():
+def test_the_search_takes_the_nearest_share_beside_a_small_jump():
     """As where a tidied end comes or goes: by .6 %, from .2 % under what is wanted; then no more cuts are made."""
     asked = []
 

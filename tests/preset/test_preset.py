@@ -191,13 +191,13 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ({"surface": {}}, r"surface needs shape = \.\.\.: use one of plate.*, or a file"),
     ],
 )
-def test_mistakes_are_told_with_key_value_range_and_nearest_name(changes, says):
+def test_invalid_values_are_refused_with_key_value_range_and_nearest_name(changes, says):
     with pytest.raises(PresetError, match=says) as caught:
         load_preset("dome", changes)
     assert "\n" not in str(caught.value)
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_invalid_keys_of_a_preset_are_reported_at_once():
     with pytest.raises(PresetError) as caught:
         load_preset("dome", {"pattern.major.frequency": -3, "statics.young": 0, "colour": "red"})
     for key in ("pattern.major.frequency", "statics.young", "unknown key colour"):
@@ -317,7 +317,7 @@ def test_own_values_override_a_material_and_a_new_material_resets_them():
     assert load_preset("barrel_vault").statics.material_words == ""
 
 
-def test_a_written_preset_holds_the_name_and_what_is_not_of_the_material(tmp_path):
+def test_a_written_preset_holds_the_material_and_only_changed_values(tmp_path):
     heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0})
     (tmp_path / "again.toml").write_text(preset_toml(heavy), encoding="utf-8")
     written = tomllib.loads(preset_toml(heavy))["statics"]

@@ -320,7 +320,7 @@ def test_sizes_follow_the_surface():
     assert small.spacing - 0.45 * small.spacing > 2 * small.thickness  # openings are wider than the sheet is thick
 
 
-def test_a_good_mesh_is_kept_and_a_coarse_one_made_anew_on_a_smooth_surface():
+def test_a_good_mesh_is_kept_and_a_coarse_mesh_is_remeshed_on_a_smooth_surface():
     good = dome(edge=0.2)
     assert sizes(good).edge == 0
     squeezed = Surface(good.V * [1, 1, 8], good.F)
@@ -356,7 +356,7 @@ def test_each_decision_names_the_option_that_changes_it(own):
             assert decision.change, decision
 
 
-def test_whether_it_carries_snow_is_decided_once(monkeypatch):
+def test_the_decision_on_snow_is_taken_once(monkeypatch):
     asked, one = [], decisions.takes_snow
     monkeypatch.setattr(decisions, "takes_snow", lambda surface: asked.append(surface) or one(surface))
     proposal = propose(dome(edge=1.5))
@@ -526,7 +526,7 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
 
 
 @pytest.mark.slow
-def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, capsys):
+def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
@@ -588,7 +588,7 @@ def long_deck():
     return Surface(np.stack([x, y + 1.5 * (x / 30) ** 2, z], axis=1), flat.F)
 
 
-def test_a_long_deck_has_as_few_and_wide_members_as_its_thickness_asks_for():
+def test_the_members_of_a_long_deck_fit_its_thickness():
     """It was 100 mm thick, a fifth of the spacing for its width."""
     found = propose(long_deck())
     assert found.size.thickness == pytest.approx(0.16)
@@ -613,7 +613,7 @@ def test_a_wall_is_no_span_of_its_own_thickness():
     assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
 
 
-def test_pieces_that_stand_on_nothing_are_told_at_once(capsys, tmp_path):
+def test_the_proposal_lists_pieces_without_support(capsys, tmp_path):
     """A dormer beside its vault: `dsfab new` was silent, and `dsfab build` refused it."""
     vault = barrel_vault(edge=1.0)
     lid = grid(4, 4, 2.0, 2.0)
@@ -696,7 +696,7 @@ def test_members_of_a_sail_are_as_far_apart_as_was_asked():
         assert family.spacing[1] == pytest.approx(preset.pattern.major.spacing, rel=0.25)
 
 
-def test_a_roof_around_a_courtyard_is_as_thick_as_its_span_asks_for():
+def test_a_courtyard_roof_has_the_thickness_of_its_span():
     """A ring vault of 20 m, 6 m from its inner to its outer edge, was 200 mm thick, for "the span of 20 m"."""
     t, across = np.meshgrid(np.arange(48) / 48 * 2 * np.pi, np.linspace(0, 1, 9), indexing="ij")
     r, z = 4 + 6 * across, 1.5 * np.sin(np.pi * across)
@@ -812,7 +812,7 @@ def with_a_door(radius: float, inside_out: bool = False) -> Surface:
 
 
 @pytest.mark.slow
-def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
+def test_snow_lies_on_top_of_nearly_closed_buildings():
     """A ball to go into carried its own weight alone. It lies where the slope is under 60 degrees: pi r^2 sin^2 60."""
     for inside_out in (False, True):
         proposal = propose(with_a_door(4.0, inside_out))

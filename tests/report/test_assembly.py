@@ -54,7 +54,7 @@ def pages(plan, vault):
 
 
 @pytest.mark.parametrize("up", [UP, np.array([-0.6, 0.0, 0.8]), np.array([0.0, -1.0, 0.0])])
-def test_every_member_goes_up_once_for_each_of_its_layers_lower_layers_first_and_from_the_ground(vault, up):
+def test_each_member_is_assembled_once_per_layer_from_below(vault, up):
     graph, layering = vault.members, Layering(0.04, 4, 0.012)
     steps = assembly_steps(graph, layering, up)
     wanted = sorted((n, m.id) for m in graph.members for n in layer_numbers(layering, m))
@@ -148,7 +148,7 @@ def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, 
     assert one == assembly_pdf(plan, vault)
 
 
-def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
+def test_a_plan_looks_down_and_an_axonometry_keeps_verticals():
     plan = Axonometry.from_angles(UP, -90.0, 90.0)
     assert plan.projected(np.eye(3)) == pytest.approx(np.array([[1, 0], [0, 1], [0, 0]]))
     tilted = Axonometry.from_angles(UP)
@@ -166,7 +166,7 @@ def test_near_faces_are_painted_last():
     assert drawn.colours.tolist() == [[1, 0, 0], [0, 0, 1]]
 
 
-def test_scales_are_usual_ones_and_drawings_are_in_their_boxes():
+def test_drawings_have_usual_scales_and_fit_their_boxes():
     assert usual_scale(60.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(50.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(3.0) == (pytest.approx(2.0), "1:500")

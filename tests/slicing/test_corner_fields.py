@@ -133,7 +133,7 @@ def test_snapped_tips_move_by_less_than_a_thousandth_of_an_edge(name, kind):
 
 
 @pytest.mark.parametrize(("kind", "share"), [("none", 0), ("touching", 1)])
-def test_stripes_without_width_are_nothing_and_touching_ones_everything(kind, share):
+def test_stripes_of_zero_width_are_empty_and_touching_stripes_cover_all(kind, share):
     surface = sphere(2)
     z = ripples(surface, 3)
     for snap in (0, 0.05):
@@ -354,7 +354,7 @@ def test_weights_of_a_split_stand_below_those_before(name):
     np.testing.assert_allclose((new.weights @ x)[surface.n :], split.level, atol=1e-12 * np.abs(x).max())
 
 
-def test_parts_are_what_sides_connect():
+def test_connected_parts_follow_shared_sides():
     plate = grid(4, 1, 4.0, 1.0)
     mesh = PolygonMesh.from_surface(plate)
     part = mesh.part_labels(np.abs(plate.centroids[:, 0] - 2) > 1)

@@ -67,7 +67,7 @@ def test_one_end_alone_is_taken_off_to_the_last_crossing(panel):
     assert kept == pytest.approx(0.2 * 3 + 0.4 * 0.9, abs=1e-9)
 
 
-def test_where_a_field_is_not_drawn_on_a_part_of_the_surface_nothing_is_filled(panel):
+def test_a_large_part_without_a_field_is_not_filled(panel):
     """Both its ends are at one gap, which is larger than what meets at a vertex."""
     blank = (panel.centroids[:, 0] > 2.0) & (panel.centroids[:, 0] < 4.0)
     sheet = sheet_of_stripe(panel, blank)

@@ -37,7 +37,7 @@ def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
 
 @pytest.mark.parametrize("cells", [5, 17, 40])
 @pytest.mark.parametrize("radius", [0.01, 0.04])
-def test_square_openings_gain_what_a_square_corner_less_a_quarter_disc_is(cells, radius):
+def test_a_fillet_adds_the_area_of_a_corner_minus_a_quarter_disc(cells, radius):
     plate = grid(cells, cells, 1.0, 1.0)
     sheet = openings(plate)
     done, found = rounded_corners(sheet, radius)
@@ -185,7 +185,7 @@ def test_open_voids_are_rounded_at_their_inner_corners_only():
     check_added(plate, sheet, done)
 
 
-def test_the_material_takes_the_family_beside_it_and_fields_are_carried():
+def test_fillets_take_the_neighbouring_family_and_carry_fields():
     plate = grid(11, 11, 1.0, 1.0)
     sheet = openings(plate)
     done, _ = rounded_corners(sheet, 0.03)

@@ -35,7 +35,7 @@ def drawn(surface: Surface, z: np.ndarray, y: np.ndarray, turned: np.ndarray, d:
     return sheet, edges, {name: chart_lines(sheet, surface, NAMES, name, chart, width) for name in NAMES}
 
 
-def test_rings_are_whole_however_faces_see_them():
+def test_middle_lines_of_rings_are_closed_for_any_orientation_of_phases():
     surface = staggered_tube(24, 11)
     z = surface.V[:, 2] * 2 + 0.3
     turned = surface.centroids[:, 0] > 0

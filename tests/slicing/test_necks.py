@@ -120,7 +120,7 @@ def test_gaps_of_a_rounded_sheet_are_bridged_in_the_sheet_before():
     assert not len(narrow_gaps(again, 0.9 * WIDTH, WIDTH))
 
 
-def test_a_sheet_without_openings_stays_as_it_is():
+def test_a_sheet_without_openings_is_unchanged():
     plate = grid(8, 8, 1.0, 1.0)
     for level in (-1.0, 2.0):
         sheet = cut(plate, [plate.V[:, 0]], [[level]])
@@ -128,7 +128,7 @@ def test_a_sheet_without_openings_stays_as_it_is():
         assert bridged_gaps(sheet, sheet, 0.1, 0.1) == (sheet, 0)
 
 
-def test_a_pocket_behind_a_neck_is_filled_with_it():
+def test_a_pocket_behind_a_bridged_neck_is_filled():
     """A square of 6 cm that a passage joins to a large opening: a hole of its own there would be good for nothing."""
     plate = grid(50, 50, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
@@ -142,7 +142,7 @@ def test_a_pocket_behind_a_neck_is_filled_with_it():
     check_bridged(plate, sheet, done)
 
 
-def test_an_island_is_tied_to_the_members_around_it():
+def test_an_island_is_joined_to_the_members_around_it():
     plate = grid(50, 50, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
     ring = np.maximum(np.maximum(np.abs(x), np.abs(y)) - 0.3, 0.1 - np.maximum(np.abs(x - 0.18), np.abs(y)))

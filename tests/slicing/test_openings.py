@@ -74,13 +74,13 @@ def test_filled_openings_side_by_side_are_found():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("turn", "told"), [(45, True), (0, False)])
-def test_a_plate_of_filled_openings_is_told_with_its_place(turn, told):
+def test_filled_openings_give_a_note_with_their_place(turn, told):
     """Around the crown of a dome, where stripes turned by 45 degrees come together in spirals."""
     made = built("dome", **{"pattern.rotate": turn, "surface.edge": 0.4})
     assert any("side by side around (0, 0, 3.9" in note.text for note in made.notes) == told
 
 
-def test_openings_close_as_a_whole_by_the_mean_of_what_members_crowd():
+def test_crowded_openings_close_as_a_whole_by_the_mean_of_their_members():
     """Where x > .1 in the mean: all openings right of that are material, those left of it as they were."""
     surface = square()
     plain, closed = grid_of(surface, 0.2), grid_of(surface, 0.2, surface.V[:, 0] - 0.1)

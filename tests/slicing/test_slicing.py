@@ -120,7 +120,7 @@ def test_cells_give_back_the_surface(name, snap):
     check_laws(surface, sheet)
 
 
-def test_every_sample_is_in_a_cell_of_its_own_family():
+def test_each_sample_point_lies_in_a_cell_of_its_family():
     """Points of the faces, located among the cells of their face by barycentric coordinates."""
     surface = jittered(grid(3, 3, 1.0, 1.0), seed=3)
     rng = np.random.default_rng(4)

@@ -49,7 +49,7 @@ def test_an_end_in_the_air_is_taken_off_to_the_last_crossing(panel):
     assert not manifold_faults(sheet.surface.F, sheet.surface.edges, sheet.surface.n)
 
 
-def test_without_it_the_end_stays(panel):
+def test_a_loose_end_stays_without_tidying(panel):
     drawn, levels = fields(panel)
     assert material_area(panel, drawn, levels, 0) / panel.area > 0.27 + 0.2 * 0.19
 
@@ -60,7 +60,7 @@ def test_a_stripe_that_reaches_the_boundary_stays(panel):
     assert material_area(panel, drawn, levels, 0, tidy(panel, near(panel, 0.95, 1.0))) == pytest.approx(whole)
 
 
-def test_a_part_that_runs_astray_is_taken_off_though_both_its_ends_are_held(panel):
+def test_a_part_that_leaves_the_stress_is_removed_even_between_held_ends(panel):
     drawn, levels = fields(panel, ends_at=2.0)
     between = tidy(panel, near(panel, 0.3, 0.45))
     kept = material_area(panel, drawn, levels, 0, between) / panel.area

@@ -81,7 +81,7 @@ def test_the_end_of_a_member_stays():
     assert widened_members(sheet, sheet, WIDTH) == (sheet, 0)
 
 
-def test_narrow_places_are_told_apart_and_the_narrowest_comes_first():
+def test_narrow_places_are_separate_and_sorted_by_width():
     plate = grid(60, 60, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
     waists = [0.02 + 0.1 * rise(y - at, 0.18) + more for at, more in ((0.2, 0.01), (-0.2, 0.0))]

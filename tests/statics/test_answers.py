@@ -245,7 +245,7 @@ def test_a_build_writes_and_prints_the_statics_answers(tmp_path, capsys):
     assert f"lowest frequencies {facts['frequencies_hz'][0]:.3g}, " in told
 
 
-def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
+def test_a_build_without_requested_answers_reports_no_stress_of_hinge_elements(tmp_path, capsys):
     sets = [f"{key}={json.dumps(value)}" for key, value in {**SMALL, "export.formats": ["stl"]}.items()]
     assert (
         build(DOME_MODES, source=Source(tuple(sets)), files=Files(tmp_path / "out"), pictures=PictureFlags(False)) == 0

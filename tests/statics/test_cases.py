@@ -279,7 +279,7 @@ def test_cases_are_written_and_read_again(tmp_path):
     assert load_preset(tmp_path / "again.toml") == preset
 
 
-def test_each_case_tells_its_balance(design):
+def test_each_load_case_reports_its_balance(design):
     told = design_facts(design, dict(design.seconds), [], [])["statics"]
     assert list(told["cases"]) == list(design.statics.cases)
     assert told["followed"] == {"winter": 1.0, "storm": 1.0}
@@ -341,7 +341,7 @@ def test_mistakes_in_the_names_of_cases_are_told(changes, says):
         load_preset(DOME_MODES, {**CASES, **changes})
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_invalid_names_of_cases_are_reported_at_once():
     changes = {**CASES, "surface.combination": [{"name": "u", "factors": {"ded": 1}}], "diffusion.follow": "v"}
     with pytest.raises(PresetError, match=r"factors\.ded = 1.*; diffusion\.follow = 'v'"):
         load_preset(DOME_MODES, changes)

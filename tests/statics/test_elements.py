@@ -198,7 +198,7 @@ def test_the_tie_of_three_leaves_is_broken_by_the_first(start):
         assert abs(edge_frames(surface)[0, 2] @ first) == pytest.approx(1, abs=1e-9)
 
 
-def test_spread_loads_put_on_vertices_what_the_load_case_does():
+def test_spread_loads_give_the_vertex_forces_of_the_load_case():
     surface = ZOO["dome"]()
     loads = [Pressure(1e3), Pressure(-300.0, Box((0, 0, 0), (0.6, 0.6, 9))), SelfWeight((0.0, 1.0, -2.0))]
     built = LoadCase.build(surface, [Support(Boundary())], loads, weight=50.0)
@@ -219,7 +219,7 @@ def test_spread_loads_work_on_bubbles_as_their_integrals_say():
     assert SpreadLoad.broadcast(surface, face=1.0).bubble_forces(surface, PAPER).shape == (3, 0)
 
 
-def test_supports_hold_the_bubbles_of_the_edges_they_run_along():
+def test_supports_hold_the_bubbles_of_their_edges():
     surface = grid(4, 4, 1.0, 1.0)
     ends = surface.edges.ends
     left = surface.V[:, 0] < 1e-9

@@ -153,7 +153,7 @@ def test_a_pressurised_sphere_has_p_r_over_two_h(elements):
     assert found[-1, 2] == pytest.approx(1, abs=2e-3)
 
 
-def test_flat_faces_of_a_curved_sheet_bend_by_themselves_as_their_facet_number_says():
+def test_the_spurious_bending_of_facets_falls_with_their_facet_number():
     """Real bending of a polyhedron under pressure, none of the sphere's: L^2 / (R h) four times smaller, 16 times less
     energy. Averaging around vertices removes most of it from the largest stress, which is 23 times too high without."""
     found = np.array([blown(level, BEST) for level in (3, 4, 5)])
@@ -166,7 +166,7 @@ def test_flat_faces_of_a_curved_sheet_bend_by_themselves_as_their_facet_number_s
     assert blown(3, MIDEDGE)[3] < 1e-3
 
 
-def test_averages_keep_what_is_linear_and_stop_at_folds():
+def test_vertex_averages_keep_linear_fields_and_stop_at_folds():
     """A linear field on a plate stays; on a roof of two planes at 90 degrees each plane keeps its own."""
     s = jittered(grid(6, 4, 2.0, 1.0))
     x = s.V[s.F][:, :, :1]
@@ -185,7 +185,7 @@ def test_averages_keep_what_is_linear_and_stop_at_folds():
 
 
 @pytest.mark.parametrize(("elements", "spread"), [(MIDEDGE, 2e-3), (BEST, 0.05)], ids=str)
-def test_a_pressurised_tube_has_p_r_over_h_around_it(elements, spread):
+def test_a_pressurised_tube_has_the_hoop_stress_p_r_over_h(elements, spread):
     s = tube(96, 3, 1.0, 0.2)
     fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
     out = s.centroids * (1, 1, 0)
@@ -239,7 +239,7 @@ def test_the_mean_of_the_middle_surface_is_the_membrane_stress(law, elements):
             assert_allclose(found.von_mises[:, k], von_mises(found.tensor(layer)), rtol=1e-9)
 
 
-def test_moments_are_those_of_the_operators_that_the_stiffness_is_made_of():
+def test_moments_agree_with_the_operators_of_the_stiffness():
     s = SHEETS["dome"]()
     D = STEEL.bending(0.05)
     answer, _ = shaken(s, MIDEDGE)

@@ -220,7 +220,7 @@ def test_the_line_of_losses_begins_with_the_worst_and_marks_close_results():
     assert json.loads(json.dumps(lost.record(), allow_nan=False))["over"] is None
 
 
-def test_alternatives_that_carry_nothing_are_told_and_win_nothing(pulled, monkeypatch):
+def test_alternatives_that_carry_no_load_are_listed_and_do_not_win(pulled, monkeypatch):
     task, own = task_of(pulled)
 
     def refused(self, mode, phase):

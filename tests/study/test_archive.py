@@ -103,7 +103,7 @@ def test_the_same_design_gives_the_same_archive(design, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
-def test_the_folder_delivers_what_the_design_does(suffix, design, back, tmp_path):
+def test_an_archived_folder_exports_the_files_of_the_design(suffix, design, back, tmp_path):
     if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
         (one, how), (two, other) = (deliverable(x, suffix) for x in (design, back))
         same(one.V, two.V)

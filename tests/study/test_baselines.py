@@ -93,7 +93,7 @@ def test_tensors_turn_on_curved_surfaces_too():
     assert turned_tensors(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
 
 
-def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(task):
+def test_a_grid_follows_the_principal_axes_or_the_load(task):
     assert np.abs(principal_axes(task)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     assert np.abs(principal_axes(ComparisonTask.from_design(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)

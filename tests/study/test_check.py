@@ -58,7 +58,7 @@ def test_a_hollow_box_is_one_piece_and_its_void_a_gap():
     assert clearances(*hollow).wall.size == pytest.approx(0.1)
 
 
-def test_a_hole_is_told_with_its_place(tmp_path, capsys):
+def test_a_hole_is_reported_with_its_place(tmp_path, capsys):
     V, F = PLATE
     top = (V[F][:, :, 2] == 0.01).all(axis=1)
     path = stl(tmp_path / "hole.stl", V, F[~top | (np.cumsum(top) > 1)])
@@ -73,7 +73,7 @@ def test_a_hole_is_told_with_its_place(tmp_path, capsys):
     assert "is it a solid      fail" in text
 
 
-def test_flipped_faces_are_told_one_or_all(tmp_path):
+def test_one_flipped_face_and_an_inside_out_solid_are_reported(tmp_path):
     V, F = PLATE
     one = F.copy()
     one[3] = one[3, ::-1]
@@ -125,7 +125,7 @@ def test_an_unreadable_file_is_refused_in_one_sentence(tmp_path, capsys, name, c
     assert not said.out
 
 
-def test_of_a_folder_a_file_in_it_is_named(tmp_path, capsys):
+def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, capsys):
     assert main(["check", str(tmp_path), "-q"]) == 1
     assert "is a folder; `dsfab check` reads .stl, .3mf" in capsys.readouterr().err
     stl(tmp_path / "roof.stl", *PLATE)

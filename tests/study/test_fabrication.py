@@ -206,7 +206,7 @@ def test_each_piece_lists_its_supports_and_loads(cantilever):
         dsfab.revise(cantilever, with_overrides(cantilever.preset, {"slicing.loose": "refuse"}))
 
 
-def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
+def test_supports_and_loads_are_assigned_to_their_pieces(tmp_path):
     one = grid(10, 10, 1.0, 1.0)
     V, F = np.r_[one.V, one.V + [0, 3, 0]], np.r_[one.F, one.F + one.n]
     (tmp_path / "two.obj").write_text(
@@ -375,7 +375,7 @@ def test_the_shape_of_triangles_in_closed_form():
     assert flat.needles == 1
 
 
-def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
+def test_inspect_reads_the_fabrication_report_of_a_build(capsys, tmp_path):
     folder = tmp_path / "out"
     words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]
     assert main([*words, "--set", "fabrication.min_member=0.5", "--set", "fabrication.bed=[3,3,3]"]) == 0

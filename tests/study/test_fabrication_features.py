@@ -113,7 +113,7 @@ def test_a_waist_between_wider_ends_is_a_member():
     assert waist.member.place == pytest.approx([1.0, 0.5, 0.0], abs=0.08)
 
 
-def test_a_triangular_opening_counts_with_the_circle_in_it():
+def test_the_size_of_a_triangular_opening_is_its_incircle():
     """No line across it meets a parallel wall; 4 area / perimeter is twice the inradius."""
     side = 0.2
     corners = np.array([[0, 0], [side, 0], [side / 2, side * np.sqrt(0.75)]])

@@ -146,7 +146,7 @@ DAT = """
          2  3.000000E-03  0.000000E+00 -5.0"""
 
 
-def test_files_are_read_while_they_are_written():
+def test_result_files_of_calculix_are_read_during_the_run():
     files = CcxFiles("", DAT, STA, False)
     assert files.failures() == [(0.6, 0.1), (1.67188, 0.00234375)]
     (time, table), (_, half) = files.tables()

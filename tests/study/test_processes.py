@@ -11,7 +11,7 @@ from dsfab.study import fitting_processes, map_in_processes
 from dsfab.study.sweeps import workers
 
 
-def test_one_worker_is_this_process():
+def test_one_worker_runs_in_this_process():
     own = map_in_processes(lambda k: (k, os.getpid()), [3, 1], workers=1)  # a lambda reaches no other process
     assert list(own) == [(3, os.getpid()), (1, os.getpid())]
 
@@ -40,7 +40,7 @@ def test_the_longest_work_begins_first():
 
 
 @pytest.mark.slow
-def test_a_process_that_ends_before_its_time_is_told():
+def test_a_process_that_dies_is_reported():
     with pytest.raises(DsfabError, match="--workers 1"):
         list(map_in_processes(os._exit, [1, 1], workers=2))
 

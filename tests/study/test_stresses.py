@@ -59,7 +59,7 @@ def test_the_peak_at_a_corner_grows_with_every_finer_mesh_and_the_two_numbers_se
     assert all(one.quantile <= one.value and one.value > 0 for one in three.values())
 
 
-def test_a_quantile_is_by_area_and_what_is_no_stress_has_no_value_off_corners():
+def test_quantiles_of_stress_are_weighted_by_area():
     assert quantile(np.array([3.0, 1.0, 2.0]), np.array([1.0, 98.0, 1.0])) == 2.0
     assert quantile(np.array([3.0, 1.0, 2.0]), np.array([5.0, 90.0, 5.0])) == 3.0
     plain = extreme(grid(1, 1, 1.0, 1.0), np.array([1.0, 2.0]))

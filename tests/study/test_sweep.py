@@ -74,7 +74,7 @@ def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeyp
         dsfab.sweep(PRESET, vary, metrics)
 
 
-def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
+def test_a_metric_runs_only_the_stages_that_it_needs(monkeypatch):
     monkeypatch.setattr("dsfab.design.design.thickening_step", None)
     (run,) = dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["area", "pieces", "min_width", "compliance"])
     assert run.error == ""
@@ -113,7 +113,7 @@ def test_compliance_is_that_of_the_comparison(whole):
     assert METRICS["compliance"](whole) == comparison(whole, against=()).design.compliance
 
 
-def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
+def test_the_ersatz_compliance_of_a_full_sheet_is_its_compliance():
     from dsfab.statics import Elements, SheetModel, solve_cases
 
     full = dsfab.load_preset(

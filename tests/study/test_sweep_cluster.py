@@ -87,7 +87,7 @@ def test_a_cluster_gives_the_local_results_even_if_a_worker_dies(tmp_path):
     assert [row.state for row in SweepFolder.from_folder(folder).rows()] == ["done"] * 20
 
 
-def test_a_mesh_travels_to_workers_that_cannot_read_it(tmp_path):
+def test_a_mesh_is_sent_to_workers_without_the_file(tmp_path):
     import trimesh
 
     dome = ZOO["dome"]()

@@ -412,7 +412,7 @@ def test_points_that_are_equal_in_one_are_judged_by_the_other():
     assert [r.number for r in pareto(rows, "area", "pieces")] == [2]
 
 
-def test_parquet_holds_what_the_csv_holds(tmp_path):
+def test_the_parquet_file_equals_the_csv_file(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (dsfab[tables]) is not installed")
     rows = [row(1, area=2.5), row(2, "failed"), RunRow(3, {"pattern.width.rule": "graded"}, "done", {"area": 3.0})]
     table = records(rows, ["area"], [])
@@ -438,7 +438,7 @@ def test_as_many_workers_as_memory_allows(monkeypatch):
 
 
 @pytest.mark.slow
-def test_processes_give_what_threads_give_and_survive_a_kill(tmp_path):
+def test_processes_give_the_results_of_threads_and_survive_a_kill(tmp_path):
     swept(tmp_path / "threads", plan())
     with only_coordinator(sweep_folder(tmp_path / "processes")):
         found = prepare(plan(), tmp_path / "processes")

@@ -204,7 +204,7 @@ def test_the_verdict_lists_load_cases_with_the_governing_case_first():
     assert verdict.reason.startswith("heavy: ")
 
 
-def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_with_them():
+def test_pieces_without_support_are_dropped_and_listed_without_their_load():
     setting = pressed_plate(10)
     surface = setting.surface
     x = surface.V[:, 0]
@@ -322,7 +322,7 @@ def test_steps_that_turn_back_or_grow_are_not_believed():
     assert growing.bound > even.bound > turning.bound
 
 
-def test_the_shipped_table_keeps_what_the_bounds_promise():
+def test_the_shipped_table_obeys_the_bounds():
     rows = shipped_table()
     assert {row.kind for row in rows} == set(KINDS)
     assert len(rows) >= 40

@@ -179,7 +179,7 @@ def test_a_mesh_over_the_limit_is_refused_before_reading(tmp_path):
         Budget(started=time.monotonic() - 241).require_time()
 
 
-def test_halves_with_exact_twins_are_joined_and_others_are_left_apart(tmp_path):
+def test_halves_with_exact_twin_edges_are_joined(tmp_path):
     """Two boxes' halves meet in every free edge; two plates side by side do not."""
     cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])

@@ -88,7 +88,7 @@ def test_merged_vertices_keep_their_order_and_polygons_their_corners() -> None:
         Surface.of(SimpleNamespace(vertices=W * np.nan, faces=TRIANGLES))
 
 
-def test_pieces_that_vertices_at_the_same_place_part_are_told_so() -> None:
+def test_duplicate_vertices_that_part_pieces_give_a_hint() -> None:
     cap = trimesh.creation.icosphere(3, 5.0).slice_plane([0, 0, 0.5], [0, 0, 1])
     given = {"loads": [dsfab.SelfWeight()], "statics": {"thickness": 0.05}}
     free = "piece 2 of 49 can turn .*: .* let them pick more .*"
@@ -129,7 +129,7 @@ def test_an_object_that_is_no_surface_is_refused_in_one_sentence(mesh: dict, say
         Surface.of(SimpleNamespace(**mesh))
 
 
-def test_there_and_back(design: dsfab.Design) -> None:
+def test_a_surface_survives_the_round_trip_to_trimesh_and_pyvista(design: dsfab.Design) -> None:
     for ours in (design.surface, design.sheet.surface):
         for theirs in (ours.to_trimesh(), ours.to_pyvista()):
             back = Surface.of(theirs)
@@ -198,7 +198,7 @@ def test_members_are_a_graph_of_compas_whose_edges_are_bays(design: dsfab.Design
     assert 0.9 * closest <= graph.number_of_edges() <= closest
 
 
-def test_flat_parts_are_curves_of_compas_that_enclose_what_is_cut() -> None:
+def test_flat_parts_become_compas_curves_around_the_material() -> None:
     outline = np.array([[0, 0], [1, 0], [1.2, 0.2], [0, 0.2]])
     part = FlatPart(
         "A01",

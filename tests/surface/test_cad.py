@@ -238,7 +238,7 @@ def test_a_file_without_a_surface_is_refused_in_one_sentence(tmp_path, what, wit
 
 
 @APART
-def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
+def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monkeypatch):
     """The same files by the program; one that breaks it, and one that takes too long."""
     V, faces = quad_roof()
     rhino = rhino_file(tmp_path / "roof.3dm", rhino_mesh(V, faces))

@@ -65,7 +65,7 @@ def test_the_one_boundary_of_a_strip_is_one_loop(seed):
     assert Boundary(0).vertices(strip).sum() == 80
 
 
-def test_a_strip_is_read_from_a_file_as_it_is(tmp_path):
+def test_a_one_sided_strip_is_read_from_a_file_unchanged(tmp_path):
     strip, _ = with_mixed_sides(moebius())
     path = tmp_path / "strip.obj"
     path.write_text(

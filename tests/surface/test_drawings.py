@@ -63,7 +63,7 @@ def test_blocks_within_blocks_are_bounded(tmp_path):
         loops_of(tmp_path / "many.dxf")
 
 
-def test_a_drawing_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+def test_a_drawing_over_the_size_limit_is_refused_before_reading(tmp_path):
     for name in ("a.dxf", "a.3dm"):
         with (tmp_path / name).open("wb") as file:
             file.truncate(10**9)  # no byte of it is on the disk
@@ -144,7 +144,7 @@ def test_the_diagonal_is_that_of_every_curve():
             list(_loops([spatial(open_)], "here", DrawingBudget()))
 
 
-def test_runs_of_many_points_are_joined_at_their_last_ones():
+def test_runs_of_many_points_are_joined_at_their_ends():
     there, back = [[1, 1], [1.5, 1], [2, 1]], [[1, 1], [1.2, 2], [1.8, 2], [2, 1]]
     assert curves(there, back) == [spatial([*there, *back[2:0:-1]]).tolist()]
 

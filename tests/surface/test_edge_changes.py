@@ -49,7 +49,7 @@ def test_a_diagonal_that_is_an_edge_already_is_not_new(F, new):
     assert (has_new_diagonal(quads(F, edges.pairs), edges, F.max() + 1) == new).all()
 
 
-def test_the_link_condition_refuses_what_would_pinch_a_tube():
+def test_the_link_condition_refuses_a_collapse_that_pinches_a_tube():
     F = tube_of_triangles(4)
     edges = edge_table(F)
     fine = meets_link_condition(edges, np.arange(len(edges.ends)), F.max() + 1)
@@ -97,6 +97,6 @@ def test_lengths_and_areas_of_a_known_triangle():
     assert face_angles(V, np.array([[0, 1, 1]])).tolist() == [[0, 0, 0]]
 
 
-def test_unit_vectors_of_any_shape_have_length_1_but_for_those_without_one():
+def test_unit_vectors_have_length_1_except_zero_vectors():
     x = np.array([[[3.0, 0, 4], [0, 0, 0]], [[0, -1e-100, 0], [0, 0, 1e-3]]])
     assert_allclose(unit_vectors(x), [[[0.6, 0, 0.8], [0, 0, 0]], [[0, -1, 0], [0, 0, 1]]])

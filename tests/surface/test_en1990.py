@@ -146,7 +146,7 @@ def test_a_preset_with_a_standard_is_written_and_read_again(preset, tmp_path):
     assert dsfab.load_preset(path).surface.sums == given.surface.sums
 
 
-def test_a_case_of_which_nothing_is_known_is_refused():
+def test_a_load_case_of_unknown_action_is_refused():
     loads = [{"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}]
     with pytest.raises(PresetError, match=r"case people \(force\) do not tell what they are.*surface.actions"):
         dsfab.Preset(

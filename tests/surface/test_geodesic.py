@@ -40,7 +40,7 @@ def scattered(count: int, seed: int) -> np.ndarray:
 
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 60), st.integers(0, 10**6), st.floats(0.01, 0.6))
-def test_on_a_flat_sheet_they_are_straight_whatever_the_mesh(count, seed, reach):
+def test_geodesic_distances_on_a_plane_are_straight_on_any_mesh(count, seed, reach):
     surface = flat(scattered(count, seed))
     for P, k in ((surface.V, 0), (middles(surface), 1)):
         x, y, _ = P.T

@@ -116,7 +116,7 @@ def test_loads_and_supports_add_up_and_loaded_marks_forces_only():
 
 
 @pytest.mark.parametrize("hold", ["xyz", "xy", "xz", "yz", "x", "y", "z"])
-def test_each_support_holds_its_directions_and_no_other(hold):
+def test_each_support_holds_only_its_directions(hold):
     s = plate(edge=1.0)
     case = build(s, SelfWeight((1.0, 1.0, 1.0)), supports=[Support(Side("x", "min"), hold)], weight=1.0)
     at = np.isclose(s.V[:, 0], -3)

@@ -113,7 +113,7 @@ def test_a_line_load_sums_to_its_share_per_metre_times_the_length():
     assert_array_equal(case.loaded, end)
 
 
-def test_a_line_load_on_boundary_loops_leaves_the_edges_between_them_alone():
+def test_a_line_load_on_boundary_loops_skips_inner_edges():
     """On a ring one face wide every edge has both ends picked; only the free ones are the line."""
     s = dome(edge=0.9, oculus=3.9)
     length = [np.linalg.norm(s.V[loop] - np.roll(s.V[loop], -1, axis=0), axis=1).sum() for loop in s.loops]

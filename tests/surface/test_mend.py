@@ -40,7 +40,7 @@ def area(V, F):
 
 
 @pytest.mark.parametrize("surface", [ROOF, plate(edge=0.4), sphere(edge=0.5)])
-def test_a_sound_mesh_stays_as_it_is(surface):
+def test_a_sound_mesh_is_unchanged(surface):
     mesh = mended_mesh(surface.V, surface.F)
     assert mesh.repairs == ()
     assert_array_equal(mesh.V, surface.V)
@@ -240,7 +240,7 @@ def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
         assert_array_equal(mesh.F, F)
 
 
-def test_files_as_programs_write_them_become_sheets(tmp_path):
+def test_files_of_common_programs_become_sound_sheets(tmp_path):
     """A contour's needles and crumbs, and a boolean's slivers: one sound piece each, of the same area."""
     for make in (gyroid, voronoi_shell, figure):
         path = make(tmp_path)
@@ -251,7 +251,7 @@ def test_files_as_programs_write_them_become_sheets(tmp_path):
 
 
 @pytest.mark.parametrize("broken", [1e30, -1e7, np.nan])
-def test_a_vertex_astray_takes_its_faces_along_and_no_others(broken):
+def test_a_stray_vertex_is_removed_with_its_faces_only(broken):
     """One number of 10^30 made all others one vertex: 'nothing is left', with no word of it."""
     flat = grid(12, 12, 6.0, 6.0)
     V = flat.V.copy()
@@ -443,7 +443,7 @@ def test_a_mesh_that_is_neither_copy_nor_slab_stays(mesh):
     assert single_sheets(*mesh, 1.0)[2] == ()
 
 
-def test_sheets_over_each_other_are_told_and_stay():
+def test_parallel_sheets_give_a_remark_and_stay():
     assert [text.partition(";")[0] for text in parallel_remarks(*two_roofs())] == [
         "two sheets lie 294 mm apart, one over all of the other, and both are built"
     ]

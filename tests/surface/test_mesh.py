@@ -255,7 +255,7 @@ def test_a_small_tetrahedron_far_out_keeps_its_digits():
 
 @pytest.mark.parametrize("count", [0, 1, 2, 30, 3000])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 2.0])
-def test_parts_are_those_that_scipy_finds_in_the_same_order(count, share):
+def test_pieces_equal_the_connected_components_of_scipy(count, share):
     rng = np.random.default_rng(count)
     links = rng.integers(0, max(count, 1), (2, int(share * count)))
     long = rng.permutation(count)[: count // 2]  # and a path through half of the things

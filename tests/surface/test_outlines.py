@@ -187,7 +187,7 @@ def test_a_curve_in_a_block_is_where_the_block_is(tmp_path):
 
 
 @pytest.mark.slow
-def test_curves_of_a_3dm_file_are_those_of_its_layer(tmp_path):
+def test_curves_of_a_3dm_file_are_read_from_the_named_layer(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Centimeters

@@ -181,7 +181,7 @@ def test_noise_makes_no_creases_and_coarsens():
     assert (design_features(folded(90), 0.5) & ~folded(90).edges.boundary).sum() == 8
 
 
-def test_a_scan_has_no_creases_at_its_own_scale_either():
+def test_a_noisy_scan_has_no_creases():
     """A plate of 33 800 triangles with noise of a tenth of its edges; new edges are a half and the whole of these."""
     rough = grid(130, 130, 1.0, 1.0)
     lift = 0.1 * rough.mean_edge * np.random.default_rng(1).normal(size=rough.n)

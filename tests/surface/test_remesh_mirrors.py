@@ -86,7 +86,7 @@ def test_lengths_that_are_given_may_differ_from_side_to_side():
     assert right > 1.5 * left
 
 
-def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
+def test_a_round_surface_has_two_mirrors_and_mirrors_do_not_sharpen_a_tip():
     dome = Mirrors.from_surface(NearestOnSurface(cone_of_needles(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4

@@ -128,7 +128,7 @@ def test_diagonals_do_not_all_run_one_way():
     assert abs(doubled.mean()) < 0.02
 
 
-def test_sizes_are_the_asked_ones():
+def test_shapes_have_the_requested_sizes():
     V = SHAPES["pavilion"](span=10.0, rise=4.0, opening=2.0, feet=3, foot=1.5).V
     on_ground = V[:, 2] == 0
     assert_allclose(np.hypot(V[on_ground, 0], V[on_ground, 1]), 5)

@@ -162,7 +162,7 @@ def test_hinges_cannot_be_clamped():
         run(load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.support.0.clamp": True}))
 
 
-def test_clamped_edges_are_those_with_both_ends_picked_but_not_across_ears():
+def test_clamped_edges_have_both_ends_picked_and_do_not_cross_ears():
     s = grid(5, 4, 5.0, 4.0)
     ends, boundary = s.edges.ends, s.edges.boundary
     assert np.array_equal(Support(Boundary(), clamp=True).clamped_edges(s), boundary)

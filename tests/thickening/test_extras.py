@@ -73,13 +73,13 @@ def test_a_trim_removes_the_side_of_its_normal(thick_plate):
     assert solid.box[1][0] == pytest.approx(0.5)
 
 
-def test_a_box_keeps_what_is_inside(thick_plate):
+def test_a_trim_box_keeps_its_inside(thick_plate):
     solid = made(thick_plate, Trim(low=(0.1, 0.2, -1.0), high=(0.7, 0.9, 0.005)))
     assert solid.volume == pytest.approx(0.6 * 0.7 * 0.02, rel=1e-9)
     assert solid.box == pytest.approx(np.array([[0.1, 0.2, -0.015], [0.7, 0.9, 0.005]]))
 
 
-def test_feet_stand_under_what_is_picked(thick_plate):
+def test_feet_stand_under_the_picked_vertices(thick_plate):
     solid = made(thick_plate, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
     assert solid.volume == pytest.approx(0.06 + 0.1 * 1.1 * (0.1 - 0.015) + (0.1 * 1.1 - 0.05 * 1.0) * 0.03, rel=1e-9)
     assert solid.box[0] == pytest.approx([-0.05, -0.05, -0.1])

@@ -54,7 +54,7 @@ def test_a_moebius_strip_becomes_one_ring_whose_volume_converges():
     check_sound(solids[1])
 
 
-def test_how_the_faces_are_turned_makes_no_difference_to_a_strip():
+def test_the_solid_of_a_one_sided_strip_does_not_depend_on_face_orientation():
     one, two = made(moebius(), 0.05), made(with_mixed_sides(moebius())[0], 0.05)
     assert two.volume == pytest.approx(one.volume, rel=1e-12)
     assert np.allclose(one.box, two.box)
@@ -279,7 +279,7 @@ def near_sheets(folder, **changes):
     return preset(folder / "near.obj", both, {"statics.thickness": 0.05, **changes})
 
 
-def test_a_solid_that_still_meets_itself_is_refused_when_asked(tmp_path):
+def test_strict_thickening_refuses_a_solid_that_intersects_itself(tmp_path):
     with pytest.raises(DsfabError, match=r"pairs of faces .* still intersect.*thickening.strict refuses"):
         dsfab.run(near_sheets(tmp_path, **{"thickening.strict": True}))
 
@@ -334,7 +334,7 @@ def test_two_plates_that_cross_become_one_cross():
     assert solid.notes == ("the sheet crosses itself in one place; its parts are fused there",)
 
 
-def test_a_tube_through_a_sphere_has_the_handles_and_the_voids_that_it_must():
+def test_a_tube_through_a_sphere_has_the_right_handles_and_voids():
     """A closed tube (torus) through the shell of a ball, twice: its inside joins outside and inside of nothing."""
     ball = sphere(4)
     ring = torus(48, 16, 1.0, 0.3)

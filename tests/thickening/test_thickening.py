@@ -288,7 +288,7 @@ def test_a_real_surface_becomes_a_sound_solid(name, share, genus, tolerance):
     check_sound(solid)
 
 
-def test_a_real_surface_too_thick_for_its_bends_is_thinned_and_says_so():
+def test_a_real_surface_that_bends_too_tightly_is_thinned_with_a_note():
     surface = real("bob")
     found = offsets(surface, 0.1 * surface.size / 2)
     assert 0 < found.limited < 0.2 * surface.n
@@ -327,7 +327,7 @@ def test_intersecting_pairs_are_those_of_cgal_at_every_scale(scale, flat):
     assert total > 20
 
 
-def test_touching_neighbours_in_one_plane_are_found_by_their_angles():
+def test_overlapping_neighbours_in_one_plane_are_found_by_their_angles():
     """Around the origin, angles 0..60 and 30..90 degrees overlap, 0..60 and 60..90 without a common vertex touch."""
     turn = np.radians([0, 60, 30, 90, 60, 120])
     ring = np.c_[np.cos(turn), np.sin(turn), 0 * turn] * np.array([[1, 1, 1, 1, 2, 1]]).T
@@ -357,7 +357,7 @@ def test_sheets_closer_than_their_thickness_are_thinned_until_separate():
     assert f"by {solid.repairs.lost:.2%} of its volume" in note
 
 
-def test_sheets_much_closer_than_their_thickness_become_films_and_that_is_told():
+def test_sheets_much_closer_than_their_thickness_become_films_with_a_note():
     solid = made(stacked(grid(2, 2, 1.0, 1.0), 0.02), 0.1)
     check_sound(solid)
     assert (solid.repairs.rung, solid.repairs.pairs) == ("thinned", 0)
@@ -365,7 +365,7 @@ def test_sheets_much_closer_than_their_thickness_become_films_and_that_is_told()
     assert solid.repairs.lost == pytest.approx(1 - solid.volume / 0.2, rel=1e-9)
 
 
-def test_a_wall_in_the_way_is_folded_the_other_way_and_nothing_is_thinned():
+def test_flipping_the_diagonal_of_a_wall_avoids_thinning():
     """A twisted wall bulges to y = 0.3 over one diagonal and to -0.3 over the other; a tip waits at y = 0.05."""
     V = [[0, 0, 0], [0.5, -1, 0], [1, 0, 0], [0.5, 0.05, 0], [0.6, 1, 0], [0.4, 1, 0]]
     D = np.array([[0.1, 0.3, 0.5], [0, 0, 0.5], [0, -0.3, 0.5], *[[0, 0, 0.02]] * 3])

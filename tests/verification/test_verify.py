@@ -68,7 +68,7 @@ def ratio(name: str, cells: int, elements: Elements, mesh="union_jack") -> float
 @pytest.mark.parametrize(
     ("name", "cells", "elements", "known", "within"), KNOWN, ids=lambda v: str(v) if not isinstance(v, float) else ""
 )
-def test_ratios_are_those_measured_with_other_code(name, cells, elements, known, within):
+def test_ratios_agree_with_independent_code(name, cells, elements, known, within):
     assert ratio(name, cells, elements) == pytest.approx(known, abs=within)
 
 

@@ -283,7 +283,7 @@ def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
 
 
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
-def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
+def test_bars_of_a_node_are_apart_and_bolts_pass_bar_and_plate(name):
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
     plan = plan_of(name)
     parts, least = {part.id: part for part in plan.parts}, []
@@ -329,7 +329,7 @@ def vault():
     return sliced(load_preset("barrel_vault", changes))
 
 
-def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
+def test_auto_takes_bars_if_strips_cannot_be_bent_and_gives_the_excess(vault):
     """Strain t |kn| / 2 against strength over stiffness; the thickest strips are as much thinner as that is more."""
     graph, statics = vault.members, vault.preset.statics
     limit = statics.strength / statics.young

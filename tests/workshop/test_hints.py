@@ -84,7 +84,7 @@ def bent(count):
     return found
 
 
-def test_a_nest_is_given_up_only_where_its_sheets_are_too_many():
+def test_nesting_stops_only_with_too_many_sheets():
     parts, stock = bent(40)[::2], [(2.2, 0.6)]
     count = len(stack_parts(parts, stock, GAP, 40))
     assert len(stack_parts(parts, stock, GAP, count)) == count > 1

@@ -199,7 +199,7 @@ def test_a_plate_larger_than_the_stock_is_in_pieces_that_have_all_of_its_slots()
 # --- what card cannot do
 
 
-def test_card_on_a_sphere_is_bent_by_half_its_thickness_over_the_radius_and_narrow_members_are_told_with_a_scale():
+def test_card_on_a_sphere_has_the_bending_strain_of_its_thickness_over_the_radius():
     made, graph = graph_of("sphere", 0.4)
     limit = 0.01
     notes = {}
@@ -225,7 +225,7 @@ def test_packing_fills_the_layers_between_members():
     assert all(len(part.holes) == 1 for part in squares)
 
 
-def test_a_model_keeps_the_gap_on_its_sheets_and_its_names_on_its_parts():
+def test_a_model_keeps_the_nesting_gap_and_the_names_of_parts():
     _, plan = vault()
     assert least_gap(plan.sheets) > 0.001 - 1e-8
     assert {sheet.size for sheet in plan.sheets} == {(0.42, 0.297)}

@@ -208,7 +208,7 @@ def test_crossing_planks_do_not_collide_during_assembly(name):
 # --- what cannot be, and where planks end
 
 
-def test_arches_stand_first_and_purlins_are_put_on_them():
+def test_arches_are_assembled_before_purlins():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
     thick = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})

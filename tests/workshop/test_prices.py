@@ -63,7 +63,7 @@ def test_two_sheet_sizes_never_cost_more_than_one_size(sizes, prices):
 
 
 @pytest.mark.slow
-def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
+def test_parts_are_spliced_for_shorter_sheets_if_long_sheets_are_expensive():
     """Strips that are spliced for sheets of 6 m have room on no others."""
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5, "workshop.route": "strips"}))
     stock, plans = [[6, 1.25], [2.5, 1.25]], {}

@@ -38,7 +38,7 @@ def hook(curl: float, at: float = 5.0) -> Member:
     return Member("A1", "strip", "major", 0, 1, np.arange(1), 1.2, axis, np.full((len(s), 2), 0.1), ("free", "free"))
 
 
-def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
+def test_a_strip_that_curls_at_its_end_is_built_up_to_the_curl():
     """Half of a hairpin's turn is left at the ends of both its members. In the middle of one it makes a plate of it."""
     member = hook(0.2, 5.85)
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
@@ -227,7 +227,7 @@ def _outward(member):
 @pytest.mark.parametrize(
     "name", ["sphere", "catenoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "hypar"))]
 )
-def test_bays_of_both_layers_are_those_of_the_offset_surface_and_come_nearer_with_the_mesh(name):
+def test_bays_of_both_layers_converge_to_the_offset_surface(name):
     coarse, fine = (layer_bay_errors(name, edge) for edge in (0.4, 0.2))
     assert len(fine) > 60
     assert fine.max() < 2.5e-3

@@ -157,7 +157,7 @@ def test_parts_that_are_one_part_are_counted_once_also_turned_round():
     assert equal_part_groups([upper, lower]) == ((0,), (1,))  # the other face up is another part
 
 
-def test_covers_have_the_holes_of_the_pieces_that_they_join(plan):
+def test_covers_have_the_holes_of_their_pieces(plan):
     by_name = {part.id: part for part in plan.parts}
     covers = [part for part in plan.parts if ".c" in part.id]
     assert covers
@@ -228,7 +228,7 @@ def test_letters_are_single_strokes_inside_of_their_height():
 # --- limits
 
 
-def test_limits_of_a_sphere_are_those_of_its_radius():
+def test_the_bending_limits_of_a_sphere_follow_its_radius():
     """Bent to t / 2R, stretched by w^2 / 12 R^2, drilled from edges of sqrt(8 R bolt / 40)."""
     made = SURFACES["sphere"](0.2)
     graph = member_graph(made.surface, made.sheet(), made.pattern)
