@@ -9,14 +9,14 @@ from dsfab.core import limits
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import BALANCE, RESIDUAL, worst_status
 from dsfab.report.compliance.findings import Findings
-from dsfab.statics.solve import _require_solved
+from dsfab.statics.solve import require_solved
 from tests.shapes import grid
 from tests.source import modules, nodes
 
 
 def accepted(imbalance: float, residual: float) -> bool:
     try:
-        _require_solved(grid(2, 2, 1.0, 1.0), imbalance, residual)
+        require_solved(grid(2, 2, 1.0, 1.0), imbalance, residual)
     except StaticsError:
         return False
     return True

@@ -324,7 +324,7 @@ def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path
 
 
 @pytest.mark.parametrize("words", [["--set", "statics.thickness=0.1"], ["--mesh", "a.obj"], ["-o", "a.png"]])
-def test_inspect_of_a_mesh_applies_no_preset(capsys, tmp_path, words):
+def test_inspect_of_a_mesh_refuses_options_of_presets(capsys, tmp_path, words):
     file = tmp_path / "plate.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert main(["inspect", str(file), *words]) == 1

@@ -11,7 +11,7 @@ import dsfab
 from dsfab import design
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.design import Design
-from dsfab.design.directions import _keeps_guides, _keeps_orientation
+from dsfab.design.directions import _keeps_guides, keeps_orientation
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.output.archive import read_archive, write_archive
@@ -224,7 +224,7 @@ def test_a_rotation_keeps_its_sense_in_some_symmetries_only():
     surface = grid(8, 8, 2.0, 2.0)
     for words, same in ((["x"], False), (["z"], True), (["rot:2:x"], False), (["rot:2:z"], True)):
         symmetry = symmetry_of(surface, words)
-        assert _keeps_orientation(surface, symmetry).tolist() == [True, same], words
+        assert keeps_orientation(surface, symmetry).tolist() == [True, same], words
 
 
 def test_guides_are_compared_with_their_images():

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.core.arrays import edge_lengths
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.figures import _Disc, _twist_solid
+from dsfab.surface.shapes.figures import _Disc, twisted_solid
 from dsfab.surface.shapes.implicit import (
     LevelSet,
     ball,
@@ -221,7 +221,7 @@ def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
     z = np.linspace(0, 1, 7)
     for turn in (-0.4, 0.0, 1.3):
         helix = np.stack([np.cos(turn * z), np.sin(turn * z), z], axis=1)
-        away = _twist_solid(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
+        away = twisted_solid(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
         np.testing.assert_allclose(away(helix), 0, atol=1e-12)
 
 

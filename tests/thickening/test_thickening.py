@@ -12,7 +12,7 @@ from dsfab.core.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
-from dsfab.thickening.offset_vectors import _prism_jacobians, visible_normals
+from dsfab.thickening.offset_vectors import prism_jacobians, visible_normals
 from dsfab.thickening.repair import _flip_diagonals
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
@@ -144,7 +144,7 @@ def at_corners(surface: Surface) -> np.ndarray:
 @zoo
 def test_limited_prisms_do_not_fold_over(name):
     surface = ZOO[name]()
-    C, _ = _prism_jacobians(surface.V[surface.F], offsets(surface, 0.3 * surface.size).at_corners(surface.F))
+    C, _ = prism_jacobians(surface.V[surface.F], offsets(surface, 0.3 * surface.size).at_corners(surface.F))
     assert C.min() > 0
 
 
