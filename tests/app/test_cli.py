@@ -368,7 +368,7 @@ def test_a_full_disk_in_a_new_folder_leaves_no_folder(capsys, tmp_path, monkeypa
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
+def test_ctrl_c_stops_a_build_with_one_line_and_leaves_no_files(tmp_path):
     command = [
         sys.executable,
         "-m",

@@ -83,7 +83,7 @@ def test_a_command_too_long_to_paste_becomes_a_file():
     assert opened_shipped("dome").command(changes) == ("dsfab build dome.toml", True)
 
 
-def test_the_saved_preset_is_the_shown_one():
+def test_the_saved_preset_equals_the_shown_preset():
     now = opened_shipped("dome")
     changes = {"pattern.keep": 0.5}
     assert preset_from(tomllib.loads(now.toml(changes))) == now.preset_with(changes)
@@ -219,7 +219,7 @@ def test_a_job_reports_its_progress_and_its_end():
         jobs.remove_listener(news)
 
 
-def test_mistakes_are_told_and_the_worker_lives_on(caplog):
+def test_errors_are_reported_and_the_worker_continues(caplog):
     def refuse(progress):
         raise DsfabError("no support")
 
@@ -280,7 +280,7 @@ def test_a_job_that_does_not_notice_is_left_behind():
         assert jobs.job(number).state == "cancelled"
 
 
-def test_a_newer_wish_ends_the_older_one():
+def test_a_newer_request_cancels_the_older_request():
     begun, long = endless()
     with Jobs() as jobs:
         old = jobs.submit("solve", long)

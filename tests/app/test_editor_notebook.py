@@ -221,7 +221,7 @@ def test_the_cell_may_be_shown_again_and_taken_away(tab, editor):
     until(lambda: tab.run("heard['msg:custom'].size") == 0)
 
 
-def test_nothing_went_wrong_and_nobody_else_was_asked(tab):
+def test_the_widget_makes_no_error_and_no_foreign_request(tab):
     assert tab.errors == []
     assert [url for url in tab.requests if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:"))] == []
 

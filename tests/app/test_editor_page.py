@@ -343,7 +343,7 @@ def test_a_load_twice_as_large_moves_the_sheet_twice_as_far(tab):
     assert tab.run("dsfab.model.facts.limits.displacement") == pytest.approx(2 * before, rel=1e-6)
 
 
-def test_the_command_is_told(tab):
+def test_the_page_shows_the_command_of_the_design(tab):
     type_into(tab, "pattern-minor-frequency", "12")
     tab.run("document.getElementById('copy').click()")
     told = until(tab, "document.querySelector('#command code')?.textContent")
@@ -513,7 +513,7 @@ def test_the_page_asks_for_the_unit_of_a_dropped_mesh(tab, coarse_proposals):
     until(tab, "dsfab.start.title === 'barrel_vault' && dsfab.model.facts.opening === dsfab.start.opening && " + READY)
 
 
-def test_nothing_went_wrong_and_nobody_else_was_asked(tab, server):
+def test_the_page_makes_no_error_and_no_foreign_request(tab, server):
     home = server.address.split("?")[0]
     assert [error for error in tab.errors if "422" not in error] == []  # refusals of a test above
     assert [url for url in tab.requests if not url.startswith((home, "data:", "blob:"))] == []

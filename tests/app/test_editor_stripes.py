@@ -306,7 +306,7 @@ def test_picking_returns_a_vertex_of_the_uncut_surface(page, dome):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_the_measured_share_is_the_wanted_one(page):
+def test_the_measured_share_is_the_requested_share(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
     assert with_overrides(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
 

@@ -190,7 +190,7 @@ def test_more_than_the_limit_are_drawn_after_yes(
         ("pattern.major.frequency=4,-6", "pattern.major.frequency = -6"),
     ],
 )
-def test_a_mistake_in_vary_is_told_in_a_sentence(
+def test_an_invalid_vary_option_is_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, vary: str, told: str
 ) -> None:
     assert told in refused(capsys, "explore", DOME_MODES, "--vary", vary, "-o", str(tmp_path / "no"))
@@ -247,7 +247,7 @@ def test_preview_writes_one_picture(capsys: pytest.CaptureFixture[str], tmp_path
         (["--set", "pattern.major.threshold=3"], "pattern.major.threshold = 3"),
     ],
 )
-def test_a_mistake_in_preview_is_told_in_a_sentence(
+def test_an_invalid_preview_option_is_refused_in_one_sentence(
     capsys: pytest.CaptureFixture[str], arguments: list[str], told: str
 ) -> None:
     assert told in refused(capsys, "preview", DOME_MODES, "--set", "surface.edge=0.9", *arguments)

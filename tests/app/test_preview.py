@@ -452,9 +452,7 @@ def test_a_probe_that_hangs_or_cannot_start_is_a_failure(asked_anew: pytest.Monk
         opengl.require_rendering()
 
 
-def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
-    asked_anew: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_windows_are_tried_once_and_the_working_window_is_kept(asked_anew: pytest.MonkeyPatch, tmp_path: Path) -> None:
     import os
 
     log = tmp_path / "asked"

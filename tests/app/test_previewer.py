@@ -252,7 +252,7 @@ def test_an_unknown_view_is_refused(dome: Design, name: str) -> None:
         Previewer(dome, view=name)
 
 
-def test_an_unknown_thing_to_show_is_refused(dome: Design) -> None:
+def test_an_unknown_picture_name_is_refused(dome: Design) -> None:
     with pytest.raises(DsfabError, match="'beauty' is not known; use one of structure, stress"):
         Previewer(dome, show="beauty")
 

@@ -96,7 +96,7 @@ def test_the_entry_of_a_support_measures_its_length_and_its_area(at, length, are
 
 
 @zoo
-def test_the_shares_of_all_supports_are_one(name):
+def test_the_shares_of_all_supports_sum_to_one(name):
     surface = ZOO[name]()
     half = surface.n // 2
     parts = (tuple(range(half)), tuple(range(half, surface.n)))
@@ -270,7 +270,7 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
     assert "on 1 m2: turn its direction, or pick faces that it meets" in said
 
 
-def test_a_load_that_the_supports_take_is_told():
+def test_a_load_on_supported_vertices_gives_a_note():
     loads = [SelfWeight(), Line(Side("x", "min"), (0, 0, -60.0), name="sill")]
     notes = [note.text for note in design_of_plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
     assert any(note.startswith("sill acts in held directions of held vertices only") for note in notes)
@@ -299,7 +299,7 @@ def test_a_build_computes_load_facts_once_and_prints_the_written_files(monkeypat
     assert len(asked) == 1
 
 
-def test_units_that_are_swapped_are_refused_or_told():
+def test_swapped_units_are_refused_or_give_a_note():
     dome = {"surface.edge": 1.0}
     with pytest.raises(SurfaceError, match="that is no sheet"):
         run(load_preset(DOME_MODES, {**dome, "statics.thickness": 60.0}))

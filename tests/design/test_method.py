@@ -105,7 +105,7 @@ def spaced(found, asked, monkeypatch, crowded=True):
     return {way.attempt.name: way.preset for way in method_search.respaced_candidates(asked, [best], given, Log(None))}
 
 
-def test_distances_that_nobody_asked_for_are_tried_closer_and_wider(monkeypatch):
+def test_auto_varies_default_spacings(monkeypatch):
     """A twelfth of the plate's side is 118 mm; 88 mm are too close where edges are 45 mm long."""
     words = {"surface.edge": 0.04, "pattern.method": "stripes", "pattern.width.rule": "stressed"}
     asked = dsfab.load_preset("cantilever", words)
@@ -153,7 +153,7 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
     assert again.pattern.attempts == ()
 
 
-def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(monkeypatch):
+def test_a_resolved_preset_on_modes_loads_for_any_forces(monkeypatch):
     """Modes run along no others than those of the uncut sheet, and a preset that says so is refused."""
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}

@@ -196,7 +196,7 @@ def test_needles_are_counted_and_the_worst_is_shown(tmp_path, monkeypatch):
         drafted(with_needles(0.0001), tmp_path / "needles.obj")
 
 
-def test_a_thick_sheet_is_told(tmp_path):
+def test_a_thick_sheet_gives_a_note(tmp_path):
     plate = grid(10, 10, 2.0, 2.0)
     assert "is 2.83 m large and the sheet 300 mm thick" in drafted(
         plate, tmp_path / "thick.obj", **{"statics.thickness": 0.3}

@@ -49,7 +49,7 @@ def test_stress_is_linear_in_the_weight(vault):
 
 
 @pytest.mark.parametrize("membrane", ["constant", "quadratic"])
-def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
+def test_uniformly_reduced_weight_does_not_turn_the_stripes(membrane):
     asked = plain("barrel_vault", **COARSE, **{"statics.membrane": membrane})
     alone = [load for load in asked.surface.load if load.kind == "self_weight"]
     light = Design.from_preset(

@@ -56,7 +56,7 @@ def test_words_generate_their_group(words, order):
 
 
 @pytest.mark.parametrize("words", [["x"], ["x", "y"], ["rot:4:z"]])
-def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_still_modes(words):
+def test_modes_of_a_symmetric_mesh_are_symmetric_to_rounding(words):
     plate, load = loaded_square()
     found = symmetry_of(plate, words, load)
     L = diffusion_operator(plate, diffusion_tensors(plate, np.zeros((plate.m, 3, 3)), r=1).major)

@@ -206,7 +206,7 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     assert holed.sheet.surface.area / holed.surface.area == pytest.approx(0.45, abs=0.006)
 
 
-def test_its_table_of_elements_is_that_of_the_code():
+def test_the_table_of_elements_agrees_with_the_code():
     page = PAGES["docs/trust.md"]
     rows = re.findall(r"^\| ([^|`]+) \| `(\w+)` \+ `(\w+)` \| (\S+) % \|$", page, flags=re.MULTILINE)
     told = [(about, f"{membrane}+{bending}", float(percent) / 100) for about, membrane, bending, percent in rows]

@@ -224,7 +224,7 @@ def test_lines_fitted_together_equal_lines_fitted_alone(monkeypatch):
         assert off < 3.01
 
 
-def test_no_more_lines_are_remembered_than_said(monkeypatch):
+def test_the_memory_of_lines_keeps_its_limit(monkeypatch):
     monkeypatch.setattr(along, "REMEMBERED", 3)
     lines = [np.array([[0.0, 0, 0], [k, 1, 0]]) for k in range(5)]
     found = all_curves_along(lines, 0.1)

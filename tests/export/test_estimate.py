@@ -60,7 +60,7 @@ def test_estimates_equal_the_face_counts_of_the_files(tmp_path, inspected):
     assert {one.way for one in step_estimates(solid, step="faceted") if one.chosen} == {"faceted"}
 
 
-def test_members_asked_for_by_name_take_the_time_of_eight_cuts():
+def test_the_time_estimate_of_members_by_name_is_eight_trial_cuts():
     """`barrel_vault`, 912 faces: 53 s of the processor by name, 12 unasked; `dome`, 5051 faces: 24 unasked."""
     part = part_of(torus(), "a", STEP_FACES)
     unasked = replace(part, hurry=1)

@@ -315,7 +315,7 @@ def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
     assert len(steps) == len(set(steps))
 
 
-def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
+def test_faces_by_members_count_as_curved_in_dsfab_check(tmp_path):
     """Or no chord error of the mesh would be allowed there: a ring whose file was within a build's limits failed."""
     surface = cylinder_strip()
     part, _, _ = draft_of(surface, striped(surface))
@@ -486,7 +486,7 @@ def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(mon
     assert asked == [0, 1, 0, 0, 1], "chain 1 is the old one again, and the other region has another outline"
 
 
-def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
+def test_opposite_sides_are_divided_at_the_same_shares():
     """Arcs of .1 at both ends of a bottom of length 1, and a top of one span: parts of three lines, or of one."""
     ends = {0: ([0, 0], [0.1, 0]), 1: ([0.1, 0], [0.9, 0]), 2: ([0.9, 0], [1, 0]), 4: ([1, 1], [0, 1])}
     ends |= {3: ([1, 0], [1, 1]), 5: ([0, 1], [0, 0])}

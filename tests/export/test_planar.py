@@ -205,7 +205,7 @@ def test_the_same_solid_gives_the_same_bytes(tmp_path, inspected):
     assert one == two
 
 
-def test_a_dome_is_faceted_and_the_reason_is_said(tmp_path, inspected):
+def test_a_dome_is_faceted_with_a_reason(tmp_path, inspected):
     ball = sphere(2)
     cap = thickened(subsurface(ball, ball.centroids[:, 2] > 0.3))
     said: list[str] = []

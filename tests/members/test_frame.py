@@ -251,7 +251,7 @@ def test_energy_in_discs_is_reported_even_if_their_beams_carry_little():
     assert "63% of the energy is in discs" in found["in"].summary
 
 
-def test_a_bay_that_grazes_another_member_is_no_slender_one(vault):
+def test_a_bay_that_grazes_another_member_is_not_slender(vault):
     """There both are one wider piece: Boy's surface has its ribs side by side for metres."""
     graph = vault.members
     node = next(node for node in graph.nodes if node.kind == "crossing")

@@ -211,7 +211,7 @@ def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.0245), abs=1e-6)
 
 
-def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_nothing():
+def test_a_sliver_at_a_corner_of_its_stripe_is_no_member():
     """At a corner of the strip is a cell above its wall, as of a fillet, and beside that one a cell below it again."""
     surface, pattern = striped_plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
     sheet = cut(surface, pattern.fields, pattern.levels).subset()

@@ -38,7 +38,7 @@ def test_regions_in_each_other_change_names_in_turns():
     assert (family_crossings(Frames.for_surface(PLATE), upright_where(ring)) == ring).all()
 
 
-def test_a_curve_that_ends_and_a_smooth_turn_change_nothing():
+def test_an_open_curve_and_a_smooth_turn_exchange_no_families():
     """Across y = 1/2 the direction is another one only left of x = 1/2: from there it turns back, little by little."""
     open_curve = np.where(Y > 0.5, 1.0, -1.0) * np.pi / 4 * np.clip(1.5 - 2 * X, 0, 1)
     a = np.c_[np.cos(open_curve), np.sin(open_curve), 0 * X]

@@ -97,7 +97,7 @@ def test_a_curve_across_the_stress_names_the_family_that_runs_there():
     assert told.endswith("the minor family runs along it by itself: family = 'minor' bends less")
 
 
-def test_mistakes_with_members_are_told_in_a_sentence():
+def test_invalid_member_guides_are_refused_in_one_sentence():
     with pytest.raises(GuideError, match="member is for a curve, which becomes one"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is to be a major member, and families = 'minor' draws none"):

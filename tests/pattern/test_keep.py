@@ -82,7 +82,7 @@ def holed(seed: int, count: int = 25, sides: int = 6) -> Surface:
 
 @pytest.mark.parametrize("rim", [0.1, 0.2, 0.35])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_rim_is_as_wide_as_asked_around_a_hole_and_into_corners(seed, rim):
+def test_a_rim_has_its_width_around_holes_and_in_corners(seed, rim):
     surface = holed(seed)
     sheet = kept(surface, nothing(surface), 0.0, rim)
     assert rim_widths(surface, sheet) == pytest.approx(rim, abs=tolerance(surface, rim))
@@ -341,7 +341,7 @@ def test_fields_that_do_not_fit_together_are_refused():
 
 
 @pytest.mark.parametrize("method", ["modes", "stripes"])
-def test_a_design_on_a_coarse_mesh_has_an_even_rim_and_the_share_that_is_asked(method):
+def test_a_design_on_a_coarse_mesh_has_an_even_rim_and_its_share(method):
     changes = {
         "surface.edge": 0.9,
         "pattern.rim": 0.35,

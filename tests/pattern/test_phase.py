@@ -251,7 +251,7 @@ def test_signs_do_not_change_where_lines_run():
         assert np.array_equal(singular, found[2][1])
 
 
-def test_steps_are_added_along_a_search_as_one_by_one():
+def test_propagated_phases_equal_sums_along_the_tree():
     rng = np.random.default_rng(2)
     n = 200
     before = np.array([-9999, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, n))])  # long paths

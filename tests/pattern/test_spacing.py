@@ -31,7 +31,7 @@ def line_length(surface: Surface, z: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("spacing", [0.05, 0.13])
-def test_stripes_on_a_linear_mode_are_as_far_apart_as_asked(spacing):
+def test_stripes_on_a_linear_mode_have_the_requested_spacing(spacing):
     plate = jittered(grid(20, 12, 2.0, 1.0))
     assert frequency_for(plate, plate.V @ [3.0, 4.0, 0.0], spacing) == pytest.approx(1 / (5 * spacing), rel=1e-12)
 

@@ -121,7 +121,7 @@ def test_left_out_a_reach_is_the_smaller_spacing():
     assert np.array_equal(alone.even.phases[0].value, wide.even.phases[0].value)  # of those that are drawn
 
 
-def test_where_a_curve_bends_no_side_is_preferred():
+def test_a_bent_guide_prefers_no_side():
     """Points whose nearest is the corner of a right angle see both pieces, which cancel: what is left is the stress."""
     frames = Frames.for_surface(pulled().surface)
     bent = Guide(curve=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)), reach=1.0)
@@ -450,7 +450,7 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
         assert np.array_equal(made.pattern.even.phases[k].value, fresh.pattern.even.phases[k].value)
 
 
-def test_rings_alone_fall_apart_and_that_is_told():
+def test_rings_without_crossings_are_refused_with_advice():
     alone = "the major family alone has no crossings; set pattern.rim, or draw both"
     rings = SMALL | {"pattern.families": "major"}
     made = dsfab.run(load_preset(DOME_MODES, rings))
@@ -496,7 +496,7 @@ def test_deviation_is_from_where_stripes_were_to_run():
     assert drafted().quality().turned == 0
 
 
-def test_where_guides_lead_members_may_turn_back():
+def test_members_may_turn_back_along_guides():
     """Rings in a plate that is pulled one way come along the tension and go back."""
     surface = square()
     rings = drawn(surface, (4 * np.hypot(*surface.V[:, :2].T), np.full(surface.n, 0.5)), 0.2)

@@ -96,7 +96,7 @@ def test_slope_over_a_radius_is_half_the_range_of_the_phase_there():
 
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.2])
 @pytest.mark.parametrize("member", [0.01, 0.07, 0.13])
-def test_members_on_a_plate_have_the_asked_width(angle, member):
+def test_members_on_a_plate_have_the_requested_width(angle, member):
     """z = f (x cos + y sin): lines 1/f apart; every boundary of material inside lies member / 2 from one of them."""
     plate, f = jittered(grid(9, 6, 2.0, 1.0)), 5.3
     along = np.array([np.cos(angle), np.sin(angle), 0])
@@ -361,7 +361,7 @@ def test_a_share_past_a_jump_is_refused_where_no_more_is_allowed():
         _ = draft(with_overrides(preset, {"pattern.width.solid_fraction_tolerance": 0.001})).pattern
 
 
-def test_a_small_jump_is_told_too():
+def test_a_small_jump_of_the_share_gives_a_note():
     """31.9 % is wanted, and 31.87 % is there: less than the share may miss anyway is not told, more is."""
     preset = dsfab.load_preset("cantilever", JUMPING)
     for wanted, told in ((0.3190, False), (0.3240, True)):

@@ -256,7 +256,7 @@ def test_surfaces_are_derived_with_the_preset_alone():
     assert done.stdout.split() == ["0", "3.0"]
 
 
-def test_an_unknown_preset_names_the_nearest_one():
+def test_an_unknown_preset_name_suggests_the_nearest_name():
     with pytest.raises(PresetError, match="did you mean dome"):
         load_preset("dom")
 

@@ -331,7 +331,7 @@ def test_a_good_mesh_is_kept_and_a_coarse_mesh_is_remeshed_on_a_smooth_surface()
     assert not sizes(dome(edge=0.05)).coarse
 
 
-def test_figures_are_told_from_roofs():
+def test_figures_are_distinguished_from_roofs():
     assert is_figure(sphere(edge=0.5))
     assert is_figure(torus(edge=0.3))
     assert not is_figure(dome(edge=0.8))
@@ -683,7 +683,7 @@ def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_members_of_a_sail_are_as_far_apart_as_was_asked():
+def test_members_of_a_sail_have_the_proposed_spacing():
     """At one spacing halving left out all of a family's lines, at another none: every 1.1 m instead of .6 m."""
     s = np.linspace(-1, 1, 41)
     a, b = np.meshgrid(s, s, indexing="ij")

@@ -123,7 +123,7 @@ BALL = {"pick": "ball", "center": [0, 0]}
         ),
     ],
 )
-def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: dict[str, Any]) -> None:
+def test_errors_of_python_arguments_use_the_keys_of_toml(wrong: dict[str, Any], table: dict[str, Any]) -> None:
     shape = {"shape": "hypar", "edge": 1.0}
     with pytest.raises(PresetError) as read:
         preset_from({"name": "design", "surface": shape | TABLES | table, "statics": {"thickness": 0.05}})
@@ -184,7 +184,7 @@ def test_a_preset_of_a_mesh_alone_lists_the_missing_sections(thing: Any) -> None
     assert design.solid.pieces >= 1
 
 
-def test_a_name_alone_is_told_to_be_loaded() -> None:
+def test_a_preset_name_instead_of_a_preset_gives_advice() -> None:
     with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):
         dsfab.revise(dsfab.Design(preset(HYPAR)), "dome")
     with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):

@@ -66,7 +66,7 @@ def test_this_process_draws_the_picture_if_the_other_process_fails(
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
-def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monkeypatch):
+def test_with_one_core_the_picture_is_drawn_last_in_this_process(vault, expected, tmp_path, monkeypatch):
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 1)
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
     with design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL) as finish:

@@ -205,7 +205,7 @@ def test_the_page_draws_each_part_at_its_place_on_the_nest(page, plan, vault):
     assert page == assembly_page(plan, vault)
 
 
-def test_the_page_has_key_figures_and_what_members_are_coloured_by(page, plan, vault):
+def test_the_page_has_key_figures_and_the_colour_key_of_members(page, plan, vault):
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
     shades = {one["name"]: one for one in facts["shades"]}
     assert (shades["length"]["unit"], shades["width"]["unit"]) == ("m", "mm")

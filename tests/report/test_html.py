@@ -45,7 +45,7 @@ def test_a_page_is_one_file_with_the_common_style_before_its_own():
     assert all(f"--{name}: rgb{colour};" in text for name, colour in COLOURS.items())
 
 
-def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
+def test_captions_and_alternative_texts_are_escaped():
     assert image_tag("a.png", 'wide "vault" <b>', (3, 2)) == (
         '<img src="a.png" alt="wide &quot;vault&quot; &lt;b&gt;" width="3" height="2" loading="lazy">'
     )
@@ -92,7 +92,7 @@ def test_heads_are_broken_before_columns_are_cut_off_on_a_sheet_of_paper(tmp_pat
         assert tab.run("[...document.querySelectorAll('.table')].every((t) => t.scrollWidth <= t.clientWidth)")
 
 
-def test_reactions_that_are_dust_beside_the_loads_are_nothing():
+def test_reactions_far_below_the_loads_are_reported_as_zero():
     """Of a canopy whose supports carry 346 kN, all together were said to push by 0.0002756 kN."""
     case = SimpleNamespace(reactions=[[133e3, 2.2, 346e3], [-133e3, -2.0, 0]], imbalance=2e-6, residual=7e-9)
     supports = [SimpleNamespace(name="foot 1"), SimpleNamespace(name="")]

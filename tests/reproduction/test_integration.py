@@ -52,7 +52,7 @@ def test_radial_directions_are_integrated_to_the_distance():
     assert errors[1] < errors[0] / 3
 
 
-def test_where_directions_turn_half_round_a_point_the_field_is_squeezed(panel):
+def test_the_integrated_field_is_flat_near_a_half_turn_singularity(panel):
     """A singularity of index 1/2: along some ray two neighbours disagree whatever the signs, so the field is not steep
     everywhere."""
     x, y, _ = (panel.centroids - panel.V.mean(axis=0) - [0.013, 0.007, 0.0]).T
@@ -65,6 +65,6 @@ def test_where_directions_turn_half_round_a_point_the_field_is_squeezed(panel):
     assert typical_slope(panel, field) < 0.95
 
 
-def test_stripes_lie_across_what_lets_the_least_through():
+def test_stripes_lie_across_the_direction_of_least_conductivity():
     """r along x, 1 along y, nothing along the normal z."""
     assert np.abs(weakest_directions(np.diag([100.0, 1.0, 0.0])[None])) == pytest.approx(np.array([[0.0, 1.0, 0.0]]))

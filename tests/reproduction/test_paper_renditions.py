@@ -106,7 +106,7 @@ def test_a_figure_is_made_to_the_letter_by_its_preset_and_with_stripes(bar):
     assert stripes.evenness < shipped.evenness
 
 
-def test_the_command_under_a_rendition_makes_it_again(bar):
+def test_the_command_of_a_rendition_reproduces_it(bar):
     for one in bar:
         words = shlex.split(one.command)
         changes = dict(parse_override(text) for text in words[1::2])
@@ -115,7 +115,7 @@ def test_the_command_under_a_rendition_makes_it_again(bar):
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda one: one.preset)
-def test_departures_of_every_preset_are_told(figure):
+def test_the_departures_of_each_preset_from_the_paper_are_listed(figure):
     """The paper keeps nothing; five presets do. To the letter none departs."""
     preset = load_preset(figure.preset)
     told = departures(preset)

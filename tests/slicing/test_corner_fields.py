@@ -110,7 +110,7 @@ def test_without_seams_the_cells_are_those_of_the_plain_band(name, snap):
 
 @zoo
 @pytest.mark.parametrize(("kind", "snap"), [("even", 0.05), ("varying", 0.05), ("varying", 0), ("tips", 0), ("any", 0)])
-def test_signs_and_shifts_change_nothing(name, kind, snap):
+def test_signs_and_shifts_of_phases_do_not_change_the_cut(name, kind, snap):
     """Also where every face, and every vertex, has a sign and a shift of its own."""
     surface = ZOO[name]()
     for seed in range(2):
@@ -171,7 +171,7 @@ def test_two_families_of_stripes(name, snap):
     check_whole(surface, sheet)
 
 
-def test_numbering_changes_nothing():
+def test_vertex_numbers_do_not_change_the_cut():
     surface = ZOO["dome"]()
     rng = np.random.default_rng(5)
     field = regauged(surface, ripples(surface, 2), widths(surface, "varying", 3), 4)

@@ -44,7 +44,7 @@ def widened(sheet: Sheet, radius: float = 0.02) -> tuple[Sheet, Sheet, int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "waist"), [(None, 0.01), (0, 0.01), (0, 0.02), (1, 0.04)])
-def test_a_waist_becomes_as_wide_as_asked(waist, seed):
+def test_a_waist_reaches_the_requested_width(waist, seed):
     plate = grid(40, 40, 1.0, 1.0) if seed is None else jittered(grid(40, 40, 1.0, 1.0), seed=seed)
     sheet = waisted(plate, waist)
     before = features(sheet, sheet.material, [""] * 2)

@@ -257,7 +257,7 @@ def test_a_build_without_requested_answers_reports_no_stress_of_hinge_elements(t
     assert "largest stress" not in capsys.readouterr().out
 
 
-def test_of_many_vertices_no_better_elements_are_asked(monkeypatch, factorisations):
+def test_meshes_of_many_vertices_use_the_quick_elements(monkeypatch, factorisations):
     """At 250 000 they took 17 GB where all else took 3.6, and a million was killed."""
     monkeypatch.setattr("dsfab.design.surface_and_statics.MOST_VERTICES", 50)
     made = small(thickness=0.002, strength=1e3, frequencies=1)

@@ -93,7 +93,7 @@ def test_many_cases_are_factorised_once(monkeypatch):
     assert len(count) == 1
 
 
-def test_the_residual_of_a_combination_bounds_the_true_one(monkeypatch):
+def test_the_reported_residual_of_a_combination_bounds_its_true_residual(monkeypatch):
     """A solver that is off by d leaves every case with an error of d, if nothing is refined, and so the sum of two."""
     surface, factorise = grid(4, 4, 1.0, 1.0), factorisation.factorise
 
@@ -336,7 +336,7 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         ({"surface.combination": [{"name": "u", "factor": {}}]}, r"unknown key .*factor; did you mean factors\?"),
     ],
 )
-def test_mistakes_in_the_names_of_cases_are_told(changes, says):
+def test_invalid_names_of_cases_are_refused(changes, says):
     with pytest.raises(PresetError, match=says):
         load_preset(DOME_MODES, {**CASES, **changes})
 

@@ -81,7 +81,7 @@ def test_one_flipped_face_and_an_inside_out_solid_are_reported(tmp_path):
     assert kinds(check_file(stl(tmp_path / "all.stl", V, F[:, ::-1]))) == {"inside_out": 1}
 
 
-def test_two_boxes_that_cross_or_touch_are_told(tmp_path):
+def test_crossing_and_touching_boxes_are_reported(tmp_path):
     crossing = joined(box((0, 0, 0), (1, 1, 1)), box((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
     checked = check_file(stl(tmp_path / "cross.stl", *crossing))
     assert set(kinds(checked)) == {"crossing"}
@@ -90,7 +90,7 @@ def test_two_boxes_that_cross_or_touch_are_told(tmp_path):
     assert kinds(check_file(stl(tmp_path / "touch.stl", *along)))["crowded"] >= 1
 
 
-def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
+def test_a_file_in_metres_gives_a_warning(tmp_path, capsys):
     path = stl(tmp_path / "metres.stl", *PLATE, metres=1.0)
     assert verdicts(check_file(path))["unit"] == "fail"
     assert check_file(path, unit="m").has_passed
@@ -282,7 +282,7 @@ def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(t
     assert bool(fault) == (not sound)
 
 
-def test_surfaces_that_touch_in_a_point_are_told_and_sound():
+def test_surfaces_that_touch_in_a_point_are_sound_with_a_note():
     V, F = box((0, 0, 0), (1, 1, 1))
     W, G = box((1, 1, 1), (2, 2, 2))
     both = Surface(V, F), Surface(W, G)

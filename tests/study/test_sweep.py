@@ -47,7 +47,7 @@ def test_statics_and_modes_are_solved_once_for_all_patterns():
     assert len({id(design.pattern) for design in designs}) == 6
 
 
-def test_a_design_that_cannot_be_built_is_recorded_and_stops_nothing():
+def test_a_design_that_cannot_be_built_is_recorded_and_the_sweep_continues():
     vary = {"pattern.major.mode": [1, 40, 2]}
     first, broken, last = dsfab.sweep(PRESET, vary, ["area"])
     assert "pattern.major.mode = 40" in broken.error
@@ -68,7 +68,7 @@ def test_metrics_can_be_functions():
         ({"pattern.major.frequency": [1]}, ["beauty"], "metric 'beauty' is not known; use area"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeypatch):
+def test_invalid_options_are_refused_before_any_design(vary, metrics, says, monkeypatch):
     monkeypatch.setattr("dsfab.study.sweeps.in_memory.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
@@ -91,7 +91,7 @@ LONG = ("verdict", "over_")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith(LONG)) for name in METRICS]
 )
-def test_a_design_in_the_making_measures_as_the_whole_one(name, whole, in_the_making):
+def test_metrics_of_a_partial_design_equal_those_of_the_whole_design(name, whole, in_the_making):
     assert METRICS[name](in_the_making) == METRICS[name](whole)
 
 
@@ -139,7 +139,7 @@ def test_the_verdict_is_that_of_the_check(whole):
     assert METRICS["verdict_bound"](whole) == pytest.approx(found.bound)
 
 
-def test_a_failed_verdict_is_told(whole, monkeypatch):
+def test_a_failed_verdict_is_recorded_with_its_reason(whole, monkeypatch):
     failed = SimpleNamespace(status="fail", reason="a load finds no material")
     monkeypatch.setattr("dsfab.study.sweeps.metrics.verdict", lambda made: failed)
     with pytest.raises(StaticsError, match="finds no material"):

@@ -285,7 +285,7 @@ def test_a_mistake_of_ours_ends_one_run_only(tmp_path, monkeypatch):
     assert "Traceback" in (tmp_path / "logs" / f"{failed[0].number:05}.txt").read_text()
 
 
-def test_another_sweep_in_the_folder_is_refused_and_extended_when_told(tmp_path):
+def test_another_sweep_in_a_folder_is_refused_unless_extended(tmp_path):
     swept(tmp_path, plan())
     before = measured(tmp_path)
     wider = plan(vary={"diffusion.r": [10.0, 30.0, 50.0], "pattern.major.phase": PHASES})
@@ -361,7 +361,7 @@ def test_the_lock_of_a_coordinator_that_was_killed_is_open(tmp_path):
         pass
 
 
-def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path):
+def test_a_full_disk_gives_one_sentence_and_loses_no_row(tmp_path):
     found = prepare(plan(vary={"pattern.major.phase": [i / 200 for i in range(200)]}, keep=[]), sweep_folder(tmp_path))
     with Store.open(tmp_path) as store:
         pages = store._db.execute("PRAGMA page_count").fetchone()[0]

@@ -138,7 +138,7 @@ def test_a_slender_ring_is_no_disc(width):
     assert rib_shape(ring_around_polygon(width, 96)).widths == pytest.approx(width, rel=0.02)
 
 
-def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
+def test_ribs_soften_a_verdict_in_bending_only():
     surface = windows()
     x = surface.V[:, 0]
     fixed = np.repeat((x < 1e-9)[:, None], 3, axis=1)

@@ -102,7 +102,7 @@ SLICED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(SLICED))
-def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
+def test_a_cut_full_sheet_has_the_stiffness_of_the_uncut_sheet(name):
     """Slivers cost conditioning, not accuracy: 0.7 % and a residual of 1e-8 at snap 0.05."""
     surface = SLICED[name]()
     cells = cut(surface, *stripes(surface), 0.05)
@@ -289,7 +289,7 @@ print((held() - before) / needed)
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how much a process itself held at most")
-def test_a_solve_takes_about_the_memory_that_is_told_before():
+def test_a_solution_takes_about_the_predicted_memory():
     ran = subprocess.run([sys.executable, "-c", SOLVE, "100"], capture_output=True, text=True, check=True)
     assert 0.6 < float(ran.stdout) < 1.1
 

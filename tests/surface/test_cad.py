@@ -105,7 +105,7 @@ def test_meshes_of_blocks_are_placed_at_their_insertions(tmp_path, within):
     assert np.ptp(surface.V, axis=0) == pytest.approx([8, 3, 0.8], rel=1e-6)
 
 
-def test_surfaces_of_rhino_without_a_mesh_are_told(tmp_path, within):
+def test_rhino_surfaces_without_a_mesh_are_refused_with_advice(tmp_path, within):
     sphere = rhino3dm.Sphere(rhino3dm.Point3d(0, 0, 0), 2.0).ToBrep()
     model = rhino3dm.File3dm()
     model.Objects.AddBrep(sphere)

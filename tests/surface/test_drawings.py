@@ -77,7 +77,7 @@ def test_a_drawing_over_the_size_limit_is_refused_before_reading(tmp_path):
 
 
 @pytest.mark.parametrize("name", ENTITIES)
-def test_a_drawing_that_is_cut_off_is_never_another_one(name, tmp_path):
+def test_a_truncated_drawing_is_refused_or_gives_the_same_curves(name, tmp_path):
     """At every byte of a small file: refused, or the same curves."""
     data = dxf(ENTITIES[name])
     whole = written(tmp_path / "whole.dxf", data)
@@ -92,7 +92,7 @@ def written(path: Path, data: bytes) -> tuple[np.ndarray, ...]:
     return loops_of(path)
 
 
-def test_numbers_that_are_none_are_refused_and_said(tmp_path):
+def test_invalid_numbers_in_a_drawing_are_refused_with_their_place(tmp_path):
     for k, (old, new) in enumerate((("40 3", "40 nan"), ("10 1", "10 1e300"), ("40 3", "40 1e13"))):
         data = dxf(ENTITIES["circle"].replace(old, new))
         with pytest.raises(SurfaceError, match=r"a CIRCLE has (radius|center) = "):

@@ -63,7 +63,7 @@ def test_figures_have_the_topology_of_the_papers_meshes(name):
 
 
 @every_figure
-def test_figures_have_even_triangles_as_wide_as_asked(name):
+def test_figures_have_even_triangles_of_the_requested_edge(name):
     s = made(name)
     smallest = corner_angles(s).min(axis=1)
     assert smallest.min() > 20

@@ -166,7 +166,7 @@ def test_numbers_of_vertices_and_faces_do_not_matter(name):
     assert other[new] == pytest.approx(one, abs=1e-10 * surface.size)
 
 
-def test_where_three_sheets_meet_all_are_reached():
+def test_distances_reach_all_sheets_at_a_common_edge():
     V = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -0.5, 0.8], [0.5, -0.5, -0.8]])
     surface = Surface(V, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]))
     found = geodesic_distances(surface, origins(surface, [2])).vertex

@@ -362,7 +362,7 @@ def test_a_second_copy_of_a_sheet_goes(size):
     assert mesh.repairs[0].endswith("mm from the first, dropped")
 
 
-def test_a_sheet_that_is_in_a_file_twice_is_told():
+def test_a_sheet_that_a_file_repeats_is_dropped_with_a_note():
     mesh = mended_mesh(np.vstack([ROOF.V, ROOF.V]), np.vstack([ROOF.F, ROOF.F + ROOF.n]))
     assert len(mesh.F) == ROOF.m
     assert "for the sheet is there twice, dropped" in mesh.repairs[-1]

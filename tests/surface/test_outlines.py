@@ -249,7 +249,7 @@ def test_blocks_of_a_3dm_file_within_blocks_are_bounded(tmp_path):
         read_rhino(many, DrawingBudget(entities=190))
 
 
-def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
+def test_a_missing_block_of_a_3dm_file_is_reported(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     model, nobody = rhino3dm.File3dm(), uuid.uuid4()
     model.Objects.Add(rhino3dm.InstanceReference(nobody, rhino3dm.Transform.Identity()), rhino3dm.ObjectAttributes())

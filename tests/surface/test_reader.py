@@ -404,7 +404,7 @@ def test_facts_of_an_open_mesh_tell_its_loops(tmp_path):
     assert describe(as_obj(tmp_path, tube.V, tube.F)).genus == 0
 
 
-def test_facts_are_told_of_meshes_that_are_refused(tmp_path):
+def test_the_facts_of_a_refused_mesh_are_available(tmp_path):
     text = TRIANGLE + "v 0 -1 0\nv 0 0 1\nv nan 0 0\nv 5 5 5\nv 6 5 5\n"
     text += "f 1 2 3\nf 2 1 4\nf 1 2 5\nf 1 2 5\nf 1 3 6\nf 1 2 2\nf 5 7 8\n"
     path = obj(tmp_path, text)

@@ -43,7 +43,7 @@ def check_same_surface(old: Surface, new: Surface) -> None:
 
 @zoo
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.21])
-def test_no_edge_is_longer_than_asked_and_facets_stay_flat(name, share):
+def test_refined_edges_keep_the_limit_and_facets_stay_flat(name, share):
     surface = ZOO[name]()
     target = share * lengths(surface).max()
     finer = refined_surface(surface, target)

@@ -50,7 +50,7 @@ def test_a_field_that_turns_with_the_surface_does_not_change():
     assert change_sizes(ball, even, EDGE, FINEST) == pytest.approx(EDGE)
 
 
-def test_no_stress_asks_for_nothing():
+def test_zero_stress_requests_no_refinement():
     plate = grid(5, 5, 1.0, 1.0)
     assert change_sizes(plate, np.zeros((plate.m, 3, 3)), EDGE, FINEST) == pytest.approx(EDGE)
 

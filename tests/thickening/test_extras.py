@@ -54,7 +54,7 @@ def test_holes_take_their_volume_and_make_handles(thick_plate):
     assert (solid.genus, solid.pieces) == (2, 1)
 
 
-def test_a_hole_goes_no_deeper_than_asked(shell):
+def test_a_hole_keeps_its_depth(shell):
     """Into one side of a hollow ball: its void opens, the other side stays whole."""
     solid = made(shell, Holes(at=((0.0, 0.0, 1.0),), diameter=0.2, depth=0.4))
     assert (solid.genus, solid.pieces) == (0, 1)

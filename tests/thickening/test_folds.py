@@ -22,7 +22,7 @@ def folded_plate() -> Surface:
     return Surface(V, grid(12, 12, 1.0, 1.0).F)
 
 
-def test_a_fold_smaller_than_the_thickness_is_smoothed_and_told():
+def test_a_fold_smaller_than_the_thickness_is_smoothed_with_a_note():
     plate = folded_plate()
     assert len(intersecting_pairs(plate.V, plate.F)) > 0
     solid = made(plate, 0.25)

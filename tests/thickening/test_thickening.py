@@ -149,7 +149,7 @@ def test_limited_prisms_do_not_fold_over(name):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_normals_are_nearly_the_most_visible_ones(seed):
+def test_visible_normals_are_nearly_optimal(seed):
     """Against the best of many directions, on random cones of unequal triangles."""
     random = np.random.default_rng(seed)
     turn = np.sort(random.uniform(0, 2 * np.pi, 7))[np.argsort(np.arange(7))] + np.arange(7) * 1e-2
@@ -382,7 +382,7 @@ def test_flipping_the_diagonal_of_a_wall_avoids_thinning():
     check_sound(solid)
 
 
-def test_sheets_that_cannot_part_are_told_and_not_hidden():
+def test_sheets_that_cannot_be_parted_give_a_note():
     plate = grid(2, 2, 1.0, 1.0)
     solid = made(stacked(plate, 1e-4), 0.1)
     left = intersecting_pairs(np.array(solid.V), np.array(solid.F))
@@ -406,7 +406,7 @@ def test_a_surface_that_crosses_itself_is_refused_with_its_place(monkeypatch):
     assert abs(z) < 0.3
 
 
-def test_details_below_single_precision_are_told():
+def test_details_below_single_precision_give_a_note():
     plate = grid(4, 4, 1e-3, 1e-3)
     far = Surface(plate.V + np.array([1e4, 0, 0]), plate.F)
     (note,) = made(far, 1e-4).notes

@@ -126,7 +126,7 @@ def test_the_limit_of_the_hook_follows_from_de_saint_venants_torsion():
     assert hook_work(thin)[1] / whole * HOOK == pytest.approx(TESTS["raasch_hook"].limit, rel=1e-3)
 
 
-def test_the_hook_is_told_apart_from_elements_that_are_off():
+def test_the_hook_test_distinguishes_good_from_bad_elements():
     hook = TESTS["raasch_hook"]
     rows = series(replace(hook, cells=(4, 8)), "union_jack", BUCKLING)
     assert [row.verdict for row in rows] == ["theory", "theory"]

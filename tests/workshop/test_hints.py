@@ -51,7 +51,7 @@ def test_strips_are_not_made_narrower_than_their_bolts_allow():
     assert [len(some) for some in said] == [0, 1]
 
 
-def test_strips_of_several_widths_are_told_by_a_share():
+def test_the_hint_for_strips_of_several_widths_is_a_share():
     said, *_ = hints(strips(11, 2.4, 0.2) + strips(1, 2.4, 0.1), [(2.5, 1.25)])
     assert said.startswith("strips 5% narrower would need 2 sheets instead of 3")
 
