@@ -8,13 +8,13 @@ from tests import shapes
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 
 
-def box(low, high):
+def box_mesh(low, high):
     """Vertices and faces of a closed box between two corners, metres."""
     surface = shapes.box(low, high)
     return surface.V, surface.F
 
 
-def joined(*meshes):
+def joined_meshes(*meshes):
     V, F, n = [], [], 0
     for points, faces in meshes:
         V.append(points)
@@ -33,7 +33,7 @@ def stl(path, V, F, metres=1e-3):
     return path
 
 
-PLATE = box((0, 0, 0), (0.4, 0.2, 0.01))
+PLATE = box_mesh((0, 0, 0), (0.4, 0.2, 0.01))
 
 
 def preset(per_metre=(0, -1e3, 0), keep=0.025, width=0.75, **changes):

@@ -59,7 +59,7 @@ def near(image: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(above - np.array(colour)).max(axis=2) < 30).sum())
 
 
-def box(mask: np.ndarray) -> tuple[int, int, int, int]:
+def mask_extent(mask: np.ndarray) -> tuple[int, int, int, int]:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
 
@@ -88,7 +88,7 @@ def test_a_structure_fills_the_picture_and_is_not_clipped(name: str) -> None:
     image = picture(*SHAPES[name](), look=Look(SIZE))
     assert image.shape == (240, 320, 3)
     assert image.dtype == np.uint8
-    top, bottom, left, right = box(members(image))
+    top, bottom, left, right = mask_extent(members(image))
     assert top > 0
     assert left > 0
     assert right < 319
@@ -110,7 +110,7 @@ def test_a_scale_of_colours_lies_below_the_structure(name: str) -> None:
 
 def test_a_ball_is_lit_from_the_upper_left() -> None:
     image = picture(*SHAPES["sphere of 20 mm"](), look=Look(SIZE))
-    top, bottom, left, right = box(members(image))
+    top, bottom, left, right = mask_extent(members(image))
     across, down = (right - left) // 4, (bottom - top) // 4
     lit = image[top + down : top + 2 * down, left + across : left + 2 * across].mean()
     dark = image[bottom - 2 * down : bottom - down, right - 2 * across : right - across].mean()

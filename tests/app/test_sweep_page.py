@@ -94,7 +94,7 @@ def tab(tmp_path_factory):
         yield one
 
 
-def box(tab, name: str) -> dict[str, float]:
+def page_box(tab, name: str) -> dict[str, float]:
     return tab.run(f"JSON.parse(JSON.stringify(document.getElementById('{name}').getBoundingClientRect()))")
 
 
@@ -124,7 +124,7 @@ def test_only_rows_that_are_seen_are_in_the_table(tab):
 
 @needs_browser
 def test_brushing_an_axis_selects(tab):
-    parallel = box(tab, "parallel")
+    parallel = page_box(tab, "parallel")
     x, top, bottom = tab.run("[layout.x[0], layout.top, layout.bottom]")
     left, up = parallel["left"] + x, parallel["top"]
     tab.drag(left, up + bottom, up + (top + bottom) / 2)  # the lower half of the frequencies
@@ -140,7 +140,7 @@ def test_brushing_an_axis_selects(tab):
 
 @needs_browser
 def test_brushing_a_metric_hides_failed_runs_without_this_metric(tab):
-    parallel = box(tab, "parallel")
+    parallel = page_box(tab, "parallel")
     i = tab.run("axes.findIndex((one) => one.name === 'compliance')")
     x, top, bottom = tab.run(f"[layout.x[{i}], layout.top, layout.bottom]")
     tab.drag(parallel["left"] + x, parallel["top"] + top - 3, parallel["top"] + bottom + 2)
@@ -188,7 +188,7 @@ def test_clicking_a_row_shows_the_design_its_parameters_and_its_command(tab):
 
 @needs_browser
 def test_clicking_a_point_of_the_scatter(tab):
-    place, (x, y) = box(tab, "scatter"), tab.run("dots.find((dot) => dot[2].number === 9).slice(0, 2)")
+    place, (x, y) = page_box(tab, "scatter"), tab.run("dots.find((dot) => dot[2].number === 9).slice(0, 2)")
     tab.click(place["left"] + x, place["top"] + y)
     assert tab.run("document.querySelector('#detail h2').textContent") == "Run 9"
     assert "Pareto front" in tab.run("document.querySelector('#detail .note').textContent")

@@ -7,14 +7,14 @@ from dsfab.thickening import Solid
 SIZE = np.array([0.2, 0.3, 0.05])
 
 
-def box(size=SIZE, corner=(0.0, 0.0, 0.0)) -> Solid:
+def solid_box(size=SIZE, corner=(0.0, 0.0, 0.0)) -> Solid:
     """Twelve triangles around a box."""
     V = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size + corner
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
     return Solid(V, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), genus=0, pieces=1)
 
 
-def torus(nu: int = 24, nv: int = 12) -> Solid:
+def solid_torus(nu: int = 24, nv: int = 12) -> Solid:
     """Radii 1 m and 0.3 m, in triangles facing outwards."""
     u, v = (2 * np.pi * x / n for x, n in zip(np.divmod(np.arange(nu * nv), nv), (nu, nv), strict=True))
     r = 1 + 0.3 * np.cos(v)
@@ -27,7 +27,7 @@ def torus(nu: int = 24, nv: int = 12) -> Solid:
 
 def needle(gap: float, corner: float) -> Solid:
     """A box whose edge 0-1 is cut in two by a vertex `gap` from its upper end."""
-    solid = box(corner=(corner, 0.0, 0.0))
+    solid = solid_box(corner=(corner, 0.0, 0.0))
     V = np.r_[solid.V, [solid.V[1] - [0, 0, gap]]]
     on = [f for f in solid.F.tolist() if {0, 1} <= set(f)]
     halves = [[8 if v == old else v for v in f] for f in on for old in (0, 1)]

@@ -19,7 +19,7 @@ from dsfab.thickening import offsets, thicken
 from tests.app.command_line import run
 from tests.export.curved_solids import saddle_solid
 from tests.export.planar_solids import plate_with_hole
-from tests.export.solids import box, torus
+from tests.export.solids import solid_box, solid_torus
 from tests.shapes import ZOO
 
 
@@ -62,7 +62,7 @@ def test_estimates_equal_the_face_counts_of_the_files(tmp_path, inspected):
 
 def test_the_time_estimate_of_members_by_name_is_eight_trial_cuts():
     """`barrel_vault`, 912 faces: 53 s of the processor by name, 12 unasked; `dome`, 5051 faces: 24 unasked."""
-    part = part_of(torus(), "a", STEP_FACES)
+    part = part_of(solid_torus(), "a", STEP_FACES)
     unasked = replace(part, hurry=1)
     assert 26 < file_size.writing_seconds(part, "members", 912) < 106
     assert 6 < file_size.writing_seconds(unasked, "members", 912) < 24
@@ -70,19 +70,19 @@ def test_the_time_estimate_of_members_by_name_is_eight_trial_cuts():
 
 
 def test_estimates_name_impossible_ways_and_ways_over_the_budget():
-    found = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=500))}
+    found = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(faces=500))}
     assert "not flat" in found["planar"].refused
     assert found["faceted"].chosen
     assert found["faceted"].faces == 288  # of its quads
-    few = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=200))}
+    few = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(faces=200))}
     assert few["faceted"].refused == "288 planar faces, more than step_faces = 200"
-    small = {one.way: one for one in step_estimates(torus(), step=StepOptions(megabytes=0.1))}
+    small = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(megabytes=0.1))}
     assert "more than step_mb = 0.1" in small["faceted"].refused
     assert not any(one.chosen for one in small.values())
 
 
 def test_simplified_solids_are_closed_and_keep_the_stated_distance():
-    part = prepared(finely(torus(48, 24)))
+    part = prepared(finely(solid_torus(48, 24)))
     simple = file_size.simplified_part(part, 5.0)
     assert len(simple.F) < 0.3 * len(part.F)
     assert open_edges(simple.F) == 0
@@ -95,7 +95,7 @@ def test_simplified_solids_are_closed_and_keep_the_stated_distance():
 
 
 def test_distances_between_surfaces_are_measured_both_ways():
-    one, two = box(size=np.ones(3)), box(size=np.array([1.0, 1.0, 1.2]))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.array([1.0, 1.0, 1.2]))
     assert file_size.distance(one.V, one.F, two.V, two.F) == pytest.approx(0.2)
     both = np.r_[one.V, one.V + 5]
     assert file_size.distance(one.V, one.F, both, np.r_[one.F, one.F + 8]) == pytest.approx(np.sqrt(75))
@@ -119,13 +119,13 @@ def test_auto_simplifies_solids_over_the_budget(tmp_path, inspected):
 
 def test_a_tolerance_without_effect_gives_a_note(tmp_path, inspected):
     said = []
-    write(box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
+    write(solid_box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
     assert "not simplified, since 'a' does not become simpler within 0.001 mm" in said[0]
 
 
 def test_files_above_the_budget_in_megabytes_are_refused_with_the_ways_out(tmp_path):
     with pytest.raises(ExportError) as caught:
-        write(torus(), tmp_path / "a.step", step=StepOptions("faceted", megabytes=0.1))
+        write(solid_torus(), tmp_path / "a.step", step=StepOptions("faceted", megabytes=0.1))
     for words in (
         "0.24 MB, more than step_mb = 0.1 MB",
         "STL or 3MF",

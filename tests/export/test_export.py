@@ -17,7 +17,7 @@ from dsfab.export import FORMATS, Written, formats, write, writing
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
-from tests.export.solids import SIZE, box, needle, torus
+from tests.export.solids import SIZE, needle, solid_box, solid_torus
 from tests.shapes import grid, sphere
 
 TRIMESH = (".stl", ".ply", ".obj", ".off", ".glb")
@@ -33,7 +33,7 @@ def loaded(path: Path) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("suffix", TRIMESH)
-@pytest.mark.parametrize("solid", [box(corner=(1.0, -2.0, 0.5)), torus()], ids=["box", "torus"])
+@pytest.mark.parametrize("solid", [solid_box(corner=(1.0, -2.0, 0.5)), solid_torus()], ids=["box", "torus"])
 def test_trimesh_finds_the_solid_in_millimetres(tmp_path, suffix, solid):
     mesh = loaded(write(solid, tmp_path / f"part{suffix}"))
     assert len(mesh.faces) == len(solid.F)
@@ -46,7 +46,7 @@ def test_trimesh_finds_the_solid_in_millimetres(tmp_path, suffix, solid):
 def test_lib3mf_finds_the_solid_in_millimetres(tmp_path):
     import lib3mf
 
-    solid = box(corner=(1.0, -2.0, 0.5))
+    solid = solid_box(corner=(1.0, -2.0, 0.5))
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
@@ -64,7 +64,7 @@ def test_lib3mf_finds_the_solid_in_millimetres(tmp_path):
 
 
 def test_units_are_written_where_the_format_has_room(tmp_path):
-    heads = {suffix: write(box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in TRIMESH}
+    heads = {suffix: write(solid_box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in TRIMESH}
     assert b"unit: millimetre" in heads[".stl"][:80]
     assert not heads[".stl"].startswith(b"solid")
     assert b"\ncomment unit: millimetre\n" in heads[".ply"]
@@ -74,7 +74,7 @@ def test_units_are_written_where_the_format_has_room(tmp_path):
 
 
 def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
-    data = write(torus(), tmp_path / "a.stl").read_bytes()
+    data = write(solid_torus(), tmp_path / "a.stl").read_bytes()
     assert struct.unpack("<I", data[80:84])[0] == 576
     assert len(data) == 84 + 50 * 576
     normal, a, b, c = np.frombuffer(data[84 : 84 + 48], dtype="<f4").reshape(4, 3)
@@ -83,12 +83,12 @@ def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
 
 @pytest.mark.parametrize("suffix", [suffix for suffix, form in FORMATS.items() if isinstance(form, formats.MeshFormat)])
 def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, inspected, suffix):
-    first = write(torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
+    first = write(solid_torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
     now = time.time()
     monkeypatch.setattr(time, "time", lambda: now + 86_400)
     monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(now + 86_400))
     (tmp_path / "b").mkdir()
-    assert write(torus(8, 6), tmp_path / "b" / f"a{suffix}").read_bytes() == first
+    assert write(solid_torus(8, 6), tmp_path / "b" / f"a{suffix}").read_bytes() == first
 
 
 @pytest.mark.parametrize("suffix", TRIMESH)
@@ -111,13 +111,13 @@ def test_an_open_sheet_is_refused_by_formats_for_solids(tmp_path, suffix):
 )
 def test_an_unknown_suffix_names_the_nearest(tmp_path, name, said):
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / name)
+        write(solid_box(), tmp_path / name)
     assert said in str(caught.value)
     assert ".stl, .3mf, .step" in str(caught.value)
 
 
 def test_capitals_in_a_suffix_and_a_path_as_text_are_welcome(tmp_path):
-    path = write(box(), str(tmp_path / "PART.STL"))
+    path = write(solid_box(), str(tmp_path / "PART.STL"))
     assert path == tmp_path / "PART.STL"
     assert trimesh.load_mesh(path).is_watertight
 
@@ -168,7 +168,7 @@ def test_a_failed_write_leaves_the_folder_unchanged(tmp_path, monkeypatch, failu
         path.write_bytes(older)
     monkeypatch.setattr(writing, "open", broken_disk(failure), raising=False)
     with pytest.raises(raised) as caught:
-        write(box(), path)
+        write(solid_box(), path)
     assert said in str(caught.value)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == ([older] if older else [])
 
@@ -180,7 +180,7 @@ def test_a_failed_write_leaves_the_folder_unchanged(tmp_path, monkeypatch, failu
 )  # fmt: skip
 def test_the_report_gives_path_size_and_volume_error_of_each_file(tmp_path, inspected, suffix, how, holds):
     done: list[Written] = []
-    path = write(box(), tmp_path / f"a.{suffix}", report=done.append, **how)
+    path = write(solid_box(), tmp_path / f"a.{suffix}", report=done.append, **how)
     assert (done[0].path, done[0].size) == (path, path.stat().st_size)
     assert done[0].seconds > 0
     assert abs(done[0].found.off) < 1e-6
@@ -197,7 +197,7 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(writing.os, "replace", refused)
     with pytest.raises(ExportError, match="no permission to write there; choose another folder"):
-        write(box(), path)
+        write(solid_box(), path)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"older file"]
 
 
@@ -206,7 +206,7 @@ def test_impossible_targets_are_refused_before_the_work(tmp_path, monkeypatch):
     (tmp_path / "folder.step").mkdir()
     for name, said in (("folder.step", "a folder has that name"), ("missing/a.step", "the folder does not exist")):
         with pytest.raises(ExportError, match=said):
-            write(box(), tmp_path / name)
+            write(solid_box(), tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.step"]
 
 
@@ -220,7 +220,7 @@ def test_impossible_targets_are_refused_in_a_sentence(tmp_path):
         (tmp_path / "folder.stl", "a folder has that name"),
     ]:
         with pytest.raises(ExportError, match=said) as caught:
-            write(box(), path)
+            write(solid_box(), path)
         assert str(path) in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -229,7 +229,7 @@ def test_the_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "a.stl").touch()
     (tmp_path / "link.stl").symlink_to(tmp_path / "real" / "a.stl")
-    write(box(), tmp_path / "link.stl")
+    write(solid_box(), tmp_path / "link.stl")
     assert (tmp_path / "link.stl").is_symlink()
     assert (tmp_path / "real" / "a.stl").stat().st_size == 84 + 12 * 50
 
@@ -251,7 +251,7 @@ def test_a_file_that_reads_back_differently_is_removed(tmp_path, monkeypatch, su
     spoilt = replace(form, encode=lambda part: form.encode(spoil(part)))
     monkeypatch.setitem(FORMATS, suffix, spoilt)
     with pytest.raises(ExportError, match=r"reads back|lib3mf") as caught:
-        write(box(), tmp_path / f"part{suffix}")
+        write(solid_box(), tmp_path / f"part{suffix}")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
@@ -275,7 +275,7 @@ def test_a_sheet_that_reads_back_torn_is_not_kept(tmp_path, monkeypatch):
 @pytest.mark.parametrize("left", [None, 0, 80, -3])
 def test_a_file_of_which_the_end_is_missing_is_not_kept(tmp_path, monkeypatch, suffix, left, folder):
     """libigl says nothing of a PLY file that ends within its last face; trimesh reads names beyond ASCII."""
-    form, sheet, here = FORMATS[suffix], box() if suffix == ".stl" else grid(2, 2, 1.0, 1.0), tmp_path / folder
+    form, sheet, here = FORMATS[suffix], solid_box() if suffix == ".stl" else grid(2, 2, 1.0, 1.0), tmp_path / folder
     here.mkdir()
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=lambda part: [b"".join(form.encode(part))[:left]]))
     if left is None:
@@ -301,7 +301,7 @@ def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed
 
 
 def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
-    tiny = box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
+    tiny = solid_box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
     for suffix in (".stl", ".3mf", ".glb"):
         with pytest.raises(ExportError, match=r"8 vertices of .* too close .* single precision \(first: 0, 1, "):
             write(tiny, tmp_path / f"a{suffix}")
@@ -309,7 +309,7 @@ def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
 
 
 def test_solids_without_an_inside_are_refused(tmp_path):
-    solid = box()
+    solid = solid_box()
     with pytest.raises(ExportError, match="'lid' is open at 3 edges"):
         write(Solid(solid.V, solid.F[1:], 0, 1), tmp_path / "lid.ply")
     with pytest.raises(ExportError, match="has no inside"):
@@ -323,7 +323,7 @@ def test_solids_without_an_inside_are_refused(tmp_path):
 
 def test_solids_far_apart_that_touch_in_an_edge_can_be_stl(tmp_path):
     """Two boxes that share the line x = y = 1: STL has no indices, so four triangles meet there, and that is closed."""
-    one, two = box(size=np.ones(3)), box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
     both = Solid(np.r_[one.V, two.V], np.r_[one.F, two.F + 8], genus=0, pieces=2)
     assert trimesh.load_mesh(write(both, tmp_path / "a.stl")).volume == pytest.approx(2e9)
 

@@ -21,7 +21,7 @@ from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
 from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.surface.fields import StructureLine
-from tests.export.solids import box
+from tests.export.solids import solid_box
 from tests.export.striped_solids import ARCHED, FLAT
 from tests.presets import DOME_MODES
 from tests.shapes import grid
@@ -42,7 +42,7 @@ def dome():
 def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     details = ARCHED[1]
-    model = rhino3dm.File3dm.Read(str(write(box(), tmp_path / "a.3dm", details=details, name="arch")))
+    model = rhino3dm.File3dm.Read(str(write(solid_box(), tmp_path / "a.3dm", details=details, name="arch")))
     assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
     layers = {layer.Index: layer for layer in model.Layers}
     assert {layer.Name for layer in layers.values()} == {"sheet", *(line.layer for line in details.lines)}
@@ -68,21 +68,22 @@ def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     (tmp_path / "elsewhere").mkdir()
     code = (
-        "import sys; from dsfab.export import write; from tests.export.solids import box\n"
-        "from tests.export.striped_solids import ARCHED; write(box(), sys.argv[1], details=ARCHED[1], name='arch')"
+        "import sys; from dsfab.export import write; from tests.export.solids import solid_box\n"
+        "from tests.export.striped_solids import ARCHED\n"
+        "write(solid_box(), sys.argv[1], details=ARCHED[1], name='arch')"
     )
     subprocess.run(
         [sys.executable, "-c", code, tmp_path / "elsewhere" / "b.3dm"], check=True, cwd=Path(__file__).parents[2]
     )
     time.sleep(1.1)
-    content = write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="arch").read_bytes()
+    content = write(solid_box(), tmp_path / "a.3dm", details=ARCHED[1], name="arch").read_bytes()
     assert content == (tmp_path / "elsewhere" / "b.3dm").read_bytes()
     assert "elsewhere".encode("utf-16-le") not in content
     model = rhino3dm.File3dm.Read(str(tmp_path / "a.3dm"))
     ids = [str(item.Attributes.Id) for item in model.Objects] + [str(layer.Id) for layer in model.Layers]
     assert len(set(ids)) == len(ids) == 1 + len(ARCHED[1].lines) + len(model.Layers)
     assert (model.Created.year, model.LastEdited.year) == (1980, 1980)
-    other = rhino3dm.File3dm.Read(str(write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="other")))
+    other = rhino3dm.File3dm.Read(str(write(solid_box(), tmp_path / "a.3dm", details=ARCHED[1], name="other")))
     assert {str(item.Attributes.Id) for item in other.Objects}.isdisjoint(ids), "two designs may meet in one model"
 
 
@@ -120,7 +121,7 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     ):
         monkeypatch.setitem(FORMATS, ".3dm", replace(form, encode=lambda part, s=spoil: form.encode(s(part))))
         with pytest.raises(ExportError, match=said):
-            write(box(), tmp_path / "a.3dm", details=details)
+            write(solid_box(), tmp_path / "a.3dm", details=details)
     assert not any(tmp_path.iterdir())
 
 
@@ -129,7 +130,7 @@ def test_without_rhino3dm_the_error_names_the_package_before_any_work(tmp_path, 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "rhino3dm" else found(name, *a))
     said = '.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"'
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "a.3dm")
+        write(solid_box(), tmp_path / "a.3dm")
     assert str(caught.value) == said
     for command in (["export", DOME_MODES, "--to", "3dm"], ["build", "dome", "--format", "stl,3dm"]):
         assert main([*command, "-o", str(tmp_path / "a.3dm")]) == 1
@@ -142,7 +143,7 @@ def test_without_rhino3dm_the_error_names_the_package_before_any_work(tmp_path, 
 def test_occt_finds_the_solid_of_a_brep_file(tmp_path, inspected, design):
     from build123d import import_brep
 
-    shape = import_brep(write(box(), tmp_path / "a.brep"))
+    shape = import_brep(write(solid_box(), tmp_path / "a.brep"))
     assert (len(shape.solids()), len(shape.faces()), shape.is_valid) == (1, 6, True)
     assert shape.volume == pytest.approx(0.2 * 0.3 * 0.05 * 1e9)
     told: list[str] = []
@@ -158,7 +159,7 @@ def test_a_brep_file_of_another_solid_is_not_kept(tmp_path, inspected, monkeypat
     form = FORMATS[".brep"]
     monkeypatch.setitem(FORMATS, ".brep", replace(form, encode=lambda part: form.encode(replace(part, V=1.1 * part.V))))
     with pytest.raises(ExportError, match="reads back with volume"):
-        write(box(), tmp_path / "a.brep")
+        write(solid_box(), tmp_path / "a.brep")
     assert not any(tmp_path.iterdir())
 
 

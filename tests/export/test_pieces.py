@@ -9,7 +9,7 @@ from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
 from tests.export.solid_pieces import three
-from tests.export.solids import box, torus
+from tests.export.solids import solid_box, solid_torus
 
 
 def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, inspected):
@@ -23,16 +23,18 @@ def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, inspected):
     assert len({tuple(child.color) for child in found.children}) == 3
     text = path.read_text()
     assert "'1970-01-01T00:00:00',('dsfab')" in text
-    assert import_step(write(box(), tmp_path / "b.step", name="one")).label == "one"
+    assert import_step(write(solid_box(), tmp_path / "b.step", name="one")).label == "one"
 
 
 def test_compressed_step_holds_the_same_file(tmp_path, inspected):
-    plain, packed = (write(torus(), tmp_path / f"a.{suffix}", step="faceted", name="a") for suffix in ("step", "stpz"))
+    plain, packed = (
+        write(solid_torus(), tmp_path / f"a.{suffix}", step="faceted", name="a") for suffix in ("step", "stpz")
+    )
     with zipfile.ZipFile(packed) as archive:
         assert archive.namelist() == ["a.stp"]
         assert archive.read("a.stp") == plain.read_bytes()
     assert packed.stat().st_size < 0.25 * plain.stat().st_size
-    assert packed.read_bytes() == write(torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
+    assert packed.read_bytes() == write(solid_torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
 
 
 def test_tessellated_step_holds_the_triangles_and_names_programs_that_cannot_read_it(tmp_path, inspected):
@@ -51,8 +53,8 @@ def test_tessellated_step_holds_the_triangles_and_names_programs_that_cannot_rea
 @pytest.mark.parametrize("finding", [{"triangles": 11, "volume": 3e6}, {"triangles": 12, "volume": 4e6}])
 def test_triangles_that_read_back_different_are_refused(finding, tmp_path, monkeypatch):
     monkeypatch.setattr(file, "inspection", lambda part, path: {"triangles": 12, "volume": 3e6})
-    write(box(), tmp_path / "a.step", step="tessellated").unlink()
+    write(solid_box(), tmp_path / "a.step", step="tessellated").unlink()
     monkeypatch.setattr(file, "inspection", lambda part, path: finding)
     with pytest.raises(ExportError):
-        write(box(), tmp_path / "a.step", step="tessellated")
+        write(solid_box(), tmp_path / "a.step", step="tessellated")
     assert not any(tmp_path.iterdir())

@@ -20,7 +20,7 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken
 from tests.export.planar_solids import plate_with_hole
-from tests.export.solids import box, needle, torus
+from tests.export.solids import needle, solid_box, solid_torus
 from tests.shapes import grid, sphere
 
 
@@ -71,7 +71,7 @@ def both(one: Solid, two: Solid, pieces: int = 2) -> Solid:
 def test_a_box_in_a_process_of_its_own_reads_back_in_millimetres(tmp_path):
     from build123d import import_step
 
-    path = write(box(corner=(1.0, -2.0, 0.5)), tmp_path / "box.step", name="o'clock")
+    path = write(solid_box(corner=(1.0, -2.0, 0.5)), tmp_path / "box.step", name="o'clock")
     text = path.read_text("ascii")
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
     assert "PRODUCT('o''clock','o''clock'" in text
@@ -195,7 +195,7 @@ def test_slivers_lie_in_their_neighbours_face():
 
 
 def test_two_tubes_are_two_solids(tmp_path, inspected):
-    ring = torus(10, 6)
+    ring = solid_torus(10, 6)
     pair = both(ring, Solid(ring.V + [0, 0, 2], ring.F, 1, 1))
     write(pair, tmp_path / "pair.step")
     assert inspected["solids"] == 2
@@ -236,13 +236,13 @@ def test_a_hollow_ball_in_a_void_is_a_solid_with_its_own_void():
 
 
 def test_the_winding_number_is_one_inside_and_nothing_outside():
-    ring = torus()
+    ring = solid_torus()
     assert winding(np.array([1.0, 0, 0]), ring.V, ring.F) == pytest.approx(1, abs=1e-9)
     assert winding(np.zeros(3), ring.V, ring.F) == pytest.approx(0, abs=1e-9)
 
 
 def test_a_piece_inside_out_is_refused(tmp_path):
-    turned = both(box(size=np.ones(3)), Solid(box().V + 3, box().F[:, ::-1], 0, 1))
+    turned = both(solid_box(size=np.ones(3)), Solid(solid_box().V + 3, solid_box().F[:, ::-1], 0, 1))
     with pytest.raises(ExportError, match=r"piece \d of the solid 'a' is inside out"):
         write(turned, tmp_path / "a.step")
 
@@ -272,7 +272,7 @@ def test_vertices_closer_than_the_decimals_are_merged(tmp_path, inspected):
 
 
 def test_an_edge_with_four_triangles_is_refused(tmp_path):
-    one, two = box(size=np.ones(3)), box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
     V, of = np.unique(np.r_[one.V, two.V], axis=0, return_inverse=True)
     touching = Solid(V, of.ravel()[np.r_[one.F, two.F + 8]], genus=0, pieces=2)
     with pytest.raises(ExportError, match="1 edges of 'a' have more than two triangles"):
@@ -304,7 +304,7 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, inspected, pattern, by
 
     monkeypatch.setattr(file, "entities", spoilt)
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "box.step", step="faceted")
+        write(solid_box(), tmp_path / "box.step", step="faceted")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
@@ -321,10 +321,10 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, inspected, pattern, by
 def test_the_findings_of_the_inspection_decide(tmp_path, monkeypatch, finding, said):
     said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "tessellates": True, "volume": 3e6}
     monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box)
-    write(box(), tmp_path / "box.step").unlink()
+    write(solid_box(), tmp_path / "box.step").unlink()
     monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box | finding)
     with pytest.raises(ExportError, match=said):
-        write(box(), tmp_path / "box.step")
+        write(solid_box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
 
 
@@ -332,13 +332,13 @@ def test_an_inspection_over_its_time_limit_fails_and_leaves_no_file(tmp_path, mo
     monkeypatch.setattr(file, "CHECK_SECONDS", 0.05)
     monkeypatch.setattr(file, "CHECK_SECONDS_PER_FACE", 0.0)
     with pytest.raises(ExportError, match="'box' did not end within 0 s"):
-        write(box(), tmp_path / "box.step")
+        write(solid_box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow
 def test_a_check_that_fails_gives_its_reason(tmp_path):
-    part = part_of(box(), "box", 10)
+    part = part_of(solid_box(), "box", 10)
     with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(OCCT does not read it"):
         file.inspection(part, tmp_path / "missing.step")
 

@@ -14,7 +14,7 @@ from dsfab.export.part import part_of
 from dsfab.thickening import Solid
 from tests.export.other_programs import module
 from tests.export.planar_solids import plate_with_hole
-from tests.export.solids import torus
+from tests.export.solids import solid_torus
 
 UNIT = 10.0**-FACETED_DIGITS
 
@@ -40,7 +40,7 @@ def references(text: str) -> list[int]:
     return [int(k) for k in re.findall(r"#(\d+)", text)]
 
 
-@pytest.mark.parametrize("solid", [turned(torus()), turned(plate_with_hole(), 1)], ids=["torus", "plate"])
+@pytest.mark.parametrize("solid", [turned(solid_torus()), turned(plate_with_hole(), 1)], ids=["torus", "plate"])
 def test_written_lines_join_the_written_corners_exactly(solid):
     found = entities(solid)
     points = [rest for word, rest in found.values() if word == "CARTESIAN_POINT"]
@@ -86,7 +86,7 @@ def test_a_turned_plate_still_has_ten_faces_and_is_valid(tmp_path, inspected):
 
 
 def test_corners_nearer_than_the_decimals_become_one(tmp_path, inspected):
-    solid = torus()
+    solid = solid_torus()
     V = solid.V.copy()
     a, b, *_ = solid.F[0]
     V[b] = V[a] + 3e-9  # metres: less than 1e-5 mm, more than 1e-6 mm
@@ -96,7 +96,7 @@ def test_corners_nearer_than_the_decimals_become_one(tmp_path, inspected):
 
 
 def test_a_face_takes_less_than_900_bytes_and_files_are_reproducible():
-    part = replace(strategies.prepare(part_of(turned(torus()), "a", 10**6)), step="faceted")
+    part = replace(strategies.prepare(part_of(turned(solid_torus()), "a", 10**6)), step="faceted")
     text = b"".join(file.encode(part))
     assert len(text) < 900 * len(part.F)
     assert b"".join(file.encode(part)) == text

@@ -18,7 +18,7 @@ from dsfab.study.file_check import Clearance, Clearances, FileContents, check_fi
 from dsfab.study.file_check.file_geometry import clearances, distance
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
-from tests.shipped import PLATE, box, joined, preset, stl, verdicts
+from tests.shipped import PLATE, box_mesh, joined_meshes, preset, stl, verdicts
 
 
 def kinds(checked):
@@ -38,7 +38,7 @@ def test_the_check_of_a_box_gives_its_exact_measures(tmp_path):
 
 
 def test_walls_and_gaps_of_two_boxes_are_located_exactly():
-    two = joined(box((0, 0, 0), (1, 1, 0.02)), box((0, 0, 0.023), (1, 1, 0.03)))
+    two = joined_meshes(box_mesh((0, 0, 0), (1, 1, 0.02)), box_mesh((0, 0, 0.023), (1, 1, 0.03)))
     found = clearances(*two)
     assert found.wall.size == pytest.approx(0.007)
     assert found.wall.place[2] == pytest.approx(0.023) or found.wall.place[2] == pytest.approx(0.03)
@@ -48,8 +48,8 @@ def test_walls_and_gaps_of_two_boxes_are_located_exactly():
 
 
 def test_a_hollow_box_is_one_piece_and_its_void_a_gap():
-    V, F = box((0.1, 0.1, 0.1), (0.9, 0.9, 0.9))
-    hollow = joined(box((0, 0, 0), (1, 1, 1)), (V, F[:, ::-1]))
+    V, F = box_mesh((0.1, 0.1, 0.1), (0.9, 0.9, 0.9))
+    hollow = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), (V, F[:, ::-1]))
     found = soundness(*hollow)
     assert found.sound
     assert (found.pieces, found.shells) == (1, 2)
@@ -82,11 +82,11 @@ def test_one_flipped_face_and_an_inside_out_solid_are_reported(tmp_path):
 
 
 def test_crossing_and_touching_boxes_are_reported(tmp_path):
-    crossing = joined(box((0, 0, 0), (1, 1, 1)), box((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
+    crossing = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), box_mesh((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
     checked = check_file(stl(tmp_path / "cross.stl", *crossing))
     assert set(kinds(checked)) == {"crossing"}
     assert checked.soundness.watertight
-    along = joined(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
+    along = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), box_mesh((1, 1, 0), (2, 2, 1)))
     assert kinds(check_file(stl(tmp_path / "touch.stl", *along)))["crowded"] >= 1
 
 
@@ -173,7 +173,9 @@ def test_a_shifted_a_thicker_and_a_partial_file_are_not_the_design(design, tmp_p
     assert moved.distance.from_design == pytest.approx(0.002, rel=1e-3)
     thick = check_file(stl(tmp_path / "thick.stl", V * (1, 1, 1.5), F), design, solid=False)
     assert thick.distance.skin_mean == pytest.approx(0.0025, rel=1e-3)
-    part = check_file(stl(tmp_path / "part.stl", *box(V.min(axis=0), (0, *V.max(axis=0)[1:]))), design, solid=False)
+    part = check_file(
+        stl(tmp_path / "part.stl", *box_mesh(V.min(axis=0), (0, *V.max(axis=0)[1:]))), design, solid=False
+    )
     assert part.distance.from_design == pytest.approx(V[:, 0].max(), rel=1e-3)
     assert {verdicts(x)["design"] for x in (moved, thick, part)} == {"fail"}
 
@@ -283,11 +285,11 @@ def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(t
 
 
 def test_surfaces_that_touch_in_a_point_are_sound_with_a_note():
-    V, F = box((0, 0, 0), (1, 1, 1))
-    W, G = box((1, 1, 1), (2, 2, 2))
+    V, F = box_mesh((0, 0, 0), (1, 1, 1))
+    W, G = box_mesh((1, 1, 1), (2, 2, 2))
     both = Surface(V, F), Surface(W, G)
     assert all(surface.is_closed for surface in both)
-    V, F = joined((V, F), (W, G))
+    V, F = joined_meshes((V, F), (W, G))
     points, of = np.unique(V, axis=0, return_inverse=True)
     found = soundness(points, of.reshape(-1)[F])
     assert found.pinches == 1
