@@ -39,7 +39,7 @@ class Drawn:
         return cut(self.surface, self.pattern.fields, self.pattern.levels).subset()
 
 
-def grid(place, u, v, shake=0.2):
+def chart_grid(place, u, v, shake=0.2):
     """Points place(u, v) of a grid of parameters, faces, and the parameters at the points."""
     U, V = np.meshgrid(u, v, indexing="ij")
     random = np.random.default_rng(0)
@@ -61,7 +61,7 @@ def _steps(low, high, edge, scale=1.0):
 
 def sphere(edge, R=6.5):
     """Parallels t = .33 + .1 k and meridians p = .05 + .16 k of a part of a sphere."""
-    surface, t, p = grid(
+    surface, t, p = chart_grid(
         lambda t, p: (R * np.sin(t) * np.cos(p), R * np.sin(t) * np.sin(p), R * np.cos(t)),
         _steps(0.3, 1.0, edge, R),
         _steps(0.0, 2.5, edge, np.sin(1.0) * R),
@@ -80,7 +80,9 @@ def sphere(edge, R=6.5):
 
 def cylinder(edge, R=4.45):
     """Helices at 45 degrees on a part of a cylinder, .8 m apart."""
-    surface, a, y = grid(lambda a, y: (R * np.sin(a), y, R * np.cos(a)), _steps(-1, 1, edge, R), _steps(0, 8, edge))
+    surface, a, y = chart_grid(
+        lambda a, y: (R * np.sin(a), y, R * np.cos(a)), _steps(-1, 1, edge, R), _steps(0, 8, edge)
+    )
     z = (R * a + y) / np.sqrt(2) / 0.8 + 0.3, (R * a - y) / np.sqrt(2) / 0.8 + 0.3
     d = np.full(len(a), WIDTH / 2 / 0.8)
     truth = {"bay": 0.8, "kn": 1 / (2 * R), "kg": 0.0, "tg": 1 / (2 * R)}
@@ -89,7 +91,7 @@ def cylinder(edge, R=4.45):
 
 def hypar(edge, c=6.0):
     """The straight lines x = .6 (k - .25) and y = .6 (k - .25) of z = x y / c."""
-    surface, x, y = grid(lambda x, y: (x, y, x * y / c), _steps(-3, 3, edge), _steps(-3, 3, edge))
+    surface, x, y = chart_grid(lambda x, y: (x, y, x * y / c), _steps(-3, 3, edge), _steps(-3, 3, edge))
     z = x / 0.6 + 0.25, y / 0.6 + 0.25
     d = np.full(len(x), WIDTH / 2 / 0.6)
 
@@ -101,7 +103,7 @@ def hypar(edge, c=6.0):
 
 def catenoid(edge, c=3.0):
     """Parallels v = .5 k + .2 and meridians u = .2 k + .07 of r = c cosh(v / c)."""
-    surface, u, v = grid(
+    surface, u, v = chart_grid(
         lambda u, v: (c * np.cosh(v / c) * np.cos(u), c * np.cosh(v / c) * np.sin(u), v),
         _steps(0.0, 2.4, edge, np.cosh(2 / 3) * c),
         _steps(-2.0, 2.0, edge),

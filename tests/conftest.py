@@ -64,7 +64,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 @pytest.fixture(scope="module")
 def sharp_tab(server, tmp_path_factory):
     """One page for all tests of a file, of its own `server`, with sharp edges: each pixel is material or not."""
-    from tests.app.test_editor_page import READY, page_of
+    from tests.app.editor_page import READY, page_of
 
     with page_of(server, tmp_path_factory.mktemp("editor")) as tab:
         tab.open(server.address + "&hard", READY)
@@ -72,8 +72,8 @@ def sharp_tab(server, tmp_path_factory):
 
 
 @pytest.fixture
-def here(monkeypatch):
-    """Ask OCCT in this process; gives the last findings."""
+def inspected_pieces(monkeypatch):
+    """Inspect the pieces of STEP files in this process, without a worker; gives the facts of the last file."""
     from dsfab.export.cad.step.worker import pieces, reports, triangles
 
     found: list = []
@@ -91,3 +91,16 @@ def here(monkeypatch):
     monkeypatch.setattr(reports, "_records", said)
     monkeypatch.setattr(reports, "occt_report", drawn)
     return found
+
+
+@pytest.fixture
+def no_pictures(monkeypatch):
+    """A machine that draws no pictures of builds, because they take seconds and other tests draw them."""
+    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
+
+
+@pytest.fixture
+def coarse_proposals(monkeypatch):
+    """Proposed presets with few members, and with as few triangles as draw clean stripes, because numbers take time."""
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)

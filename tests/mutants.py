@@ -48,7 +48,7 @@ class Subject:
 
 
 SUBJECTS = (
-    Subject("surface.shapes.figures", "_twist_solid", "surface/test_figures.py", "twisted_solid"),
+    Subject("surface.shapes.figures", "twisted_solid", "surface/test_figures.py", "twisted_solid"),
     Subject("surface.shapes.round_shapes", "tower", "surface/test_shapes.py", "tower or sizes"),
     Subject("surface.mesh", "_tetrahedron_volumes", "surface/test_mesh.py"),
     Subject("surface.mesh", "_face_blocks", "surface/test_mesh.py"),

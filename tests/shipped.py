@@ -3,18 +3,18 @@
 import numpy as np
 
 from dsfab.preset.model import Preset
+from tests import shapes
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 
 
-def box(low, high):
-    """A closed box in metres, faces seen from outside."""
-    V = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])], float)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return V, np.array([t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))])
+def box_mesh(low, high):
+    """Vertices and faces of a closed box between two corners, metres."""
+    surface = shapes.box(low, high)
+    return surface.V, surface.F
 
 
-def joined(*meshes):
+def joined_meshes(*meshes):
     V, F, n = [], [], 0
     for points, faces in meshes:
         V.append(points)
@@ -33,7 +33,7 @@ def stl(path, V, F, metres=1e-3):
     return path
 
 
-PLATE = box((0, 0, 0), (0.4, 0.2, 0.01))
+PLATE = box_mesh((0, 0, 0), (0.4, 0.2, 0.01))
 
 
 def preset(per_metre=(0, -1e3, 0), keep=0.025, width=0.75, **changes):

@@ -11,7 +11,6 @@ The docstring of each `__init__` says what its room holds. A room stands on the 
 """
 
 import ast
-import gc
 import os
 import subprocess
 import sys
@@ -20,7 +19,6 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import metadata
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -28,9 +26,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
 import dsfab
-
-ROOT = Path(__file__).resolve().parent.parent
-PACKAGE = ROOT / "dsfab"
+from tests.source import PACKAGE, ROOT, modules, nodes
 
 GROUND = {"core"}
 STAGES = {"statics", "diffusion", "pattern", "slicing", "thickening"}
@@ -117,26 +113,6 @@ LAZY = {
     "xlsxwriter",
 }
 """Slow to import: never at the top of a module."""
-
-
-@cache
-def modules() -> list[tuple[str, str, ast.Module]]:
-    """Part, file and syntax tree of every module: 800 000 nodes, none of which is garbage nor is looked at as such."""
-    found = []
-    gc.disable()
-    for path in sorted(PACKAGE.rglob("*.py")):
-        relative = path.relative_to(PACKAGE)
-        part = relative.parts[0].removesuffix(".py")
-        found.append((part, relative.as_posix(), ast.parse(path.read_text(encoding="utf-8"))))
-    gc.freeze()
-    gc.enable()
-    return found
-
-
-@cache
-def nodes(tree: ast.Module) -> tuple[ast.AST, ...]:
-    """All nodes of a module, walked once for all rules."""
-    return tuple(ast.walk(tree))
 
 
 def imports(among: Iterable[ast.AST]) -> Iterator[tuple[str, int]]:
@@ -359,7 +335,7 @@ def test_threads_of_blas_that_wait_are_told_to_sleep_before_numpy_is_loaded():
         assert done.stdout.split() == ["False", told]
 
 
-def test_what_only_lists_imports_no_library_of_numbers():
+def test_listing_presets_imports_no_numeric_library():
     """`dsfab presets` takes a tenth of the second that the models of presets take, and what these import."""
     code = (
         "import contextlib, sys\n"
@@ -396,7 +372,7 @@ def test_a_build_begins_without_half_of_scipy():
     assert done.stdout.split() == ["export", "app.build", "app.preview", "render.previewer"]
 
 
-def test_every_public_name_is_there():
+def test_all_public_names_exist():
     import dsfab
 
     assert [name for name in dsfab.__all__ if not hasattr(dsfab, name)] == []
@@ -433,7 +409,7 @@ def test_the_top_level_stays_small():
     assert {line.split("/")[0] for line in tracked.splitlines()} == AT_THE_TOP
 
 
-def test_what_users_build_lies_beside_nothing_of_ours():
+def test_the_outputs_folder_tracks_only_its_readme():
     tracked = subprocess.run(["git", "ls-files", "outputs"], cwd=ROOT, capture_output=True, text=True, check=True)
     assert tracked.stdout.split() == ["outputs/README.md"]
 

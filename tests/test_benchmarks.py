@@ -9,7 +9,7 @@ from tests.benchmarks.stripes import measured
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux forgets the most memory it had")
-def test_what_is_measured_is_made_and_its_memory_counted():
+def test_a_measurement_returns_the_result_the_time_and_the_memory():
     made, seconds, memory = measured(lambda: np.ones(8 << 20), 2)
     assert len(made) == 8 << 20
     assert seconds >= 0

@@ -7,7 +7,7 @@ from functools import cache
 
 import pytest
 
-from tests.test_architecture import modules
+from tests.source import modules
 
 ARRAYS = re.compile(r"\b(Floats|Ints|Bools|NDArray|ArrayLike|csr_array)\b")
 LENGTH = r"(?:\.\.\.|\d+(?: \w+)?|(?:\d+ ?)?[A-Za-z]'{0,2})"
@@ -55,7 +55,7 @@ def tells(node: ast.FunctionDef) -> bool:
     return len(text.split()) > 2 and bool(re.search(r"[.:?](\s|$)", text))
 
 
-def test_what_takes_arrays_says_their_shapes():
+def test_functions_of_arrays_state_the_shapes():
     asked = [(name, node) for name, node in functions() if takes_arrays(node)]
     silent = [name for name, node in asked if not tells_shape(node)]
     assert len(silent) <= (1 - SHAPED) * len(asked), f"{len(silent)} of {len(asked)}:\n" + "\n".join(silent)
@@ -82,7 +82,7 @@ def test_public_functions_have_a_sentence():
         ("The paper (section 3.1) and (see `CELL_AREA`, `FLATNESS`).", False),
     ],
 )
-def test_a_shape_is_known_when_it_is_there(text: str, found: bool) -> None:
+def test_the_shape_detector_finds_shapes_in_docstrings(text: str, found: bool) -> None:
     (node,) = ast.parse(f'def f(x: Floats) -> Ints:\n    """{text}"""').body
     assert isinstance(node, ast.FunctionDef)
     assert takes_arrays(node)

@@ -21,7 +21,7 @@ def test_the_file_that_takes_longest_comes_first_and_an_unknown_one_counts_as_av
     assert [one.path.name for one in slow] == ["a.py", "new.py", "b.py"]
 
 
-def test_a_run_records_its_own_files_and_forgets_those_that_are_gone(tmp_path, monkeypatch):
+def test_a_run_records_its_files_and_drops_deleted_ones(tmp_path, monkeypatch):
     monkeypatch.setattr(durations, "FILE", tmp_path / "durations.json")
     durations.FILE.write_text(json.dumps({"quick": {"a.py": 1, "gone.py": 9}, "slow": {"a.py": 30}}))
     for name in ("a.py", "b.py"):

@@ -17,7 +17,7 @@ SEEDS = sorted(corpus.SEEDS.glob("*/*"))
 
 
 @pytest.mark.parametrize("file", SEEDS, ids=lambda file: f"{file.parent.name}-{file.name}")
-def test_what_once_broke_a_reader_does_so_no_more(file, tmp_path):
+def test_files_that_once_broke_a_reader_no_longer_do(file, tmp_path):
     with ended_if_it_hangs():
         oracles.judge(file.parent.name, file.read_bytes(), tmp_path)
 
@@ -52,7 +52,7 @@ def test_an_oracle_notices_another_surface(tmp_path, monkeypatch):
         oracles.judge("stl", good, tmp_path)
 
 
-def test_chance_finds_what_is_planted(tmp_path, monkeypatch):
+def test_random_fuzzing_finds_a_planted_fault(tmp_path, monkeypatch):
     """The stand-in for atheris keeps the file that breaks a reader, and ends with 1."""
     from tests.fuzz import target
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.test_architecture import modules, nodes
+from tests.source import modules, nodes
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -115,7 +115,7 @@ def test_the_count_of_each_rule_may_only_fall(rule):
     assert len(places) <= ALLOWED[rule], "\n".join(places)
 
 
-def test_the_rules_see_what_breaks_them():
+def test_each_rule_finds_a_planted_violation():
     planted = (("a.py:1", "What of it", True), ("a.py:2", "word " * 26 + ".", False), ("a.py:3", "Return it.", True))
     assert riddles(planted) == ["a.py:1"]
     assert [place.partition(": ")[0] for place in long_sentences(planted)] == ["a.py:2"]

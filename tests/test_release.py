@@ -44,7 +44,7 @@ def test_the_notes_of_a_release_are_its_part_of_the_changelog():
         ("v1x0.0", "1x0.0", "no '## 1x0.0"),
     ],
 )
-def test_nothing_is_released_where_they_disagree(tag, version, told):
+def test_a_release_is_refused_if_tag_version_and_changelog_disagree(tag, version, told):
     with pytest.raises(ValueError, match=told):
         notes(tag, version, CHANGELOG)
 
@@ -80,7 +80,7 @@ def git(folder, *words):
     subprocess.run(["git", *own, *words], cwd=folder, check=True, capture_output=True)
 
 
-def test_the_version_is_that_of_the_tag_and_tells_what_came_after(copy):
+def test_the_version_comes_from_the_tag_and_counts_later_commits(copy):
     for words in (["init"], ["add", "."], ["commit", "-m", "first"]):
         git(copy, *words)
     git(copy, "commit", "--allow-empty", "-m", "before any tag")
@@ -94,7 +94,7 @@ def test_the_version_is_that_of_the_tag_and_tells_what_came_after(copy):
     assert get_version(copy).endswith(".dirty")
 
 
-def test_without_git_an_sdist_knows_its_version_and_a_copy_that_it_has_none(copy):
+def test_without_git_an_sdist_has_its_version_and_a_copy_has_none(copy):
     assert get_version(copy) == "0.1.0.dev0"
     (copy / "PKG-INFO").write_text("Metadata-Version: 2.4\nName: dsfab\nVersion: 1.2.3\n", encoding="utf-8")
     assert get_version(copy) == "1.2.3"

@@ -32,10 +32,10 @@ from dsfab.render.lettering import PAPER
 from dsfab.render.picture import Look, picture
 from dsfab.render.previewer import panels
 from dsfab.render.view import up_axis
+from tests.app.editor_page import READY
+from tests.app.editor_server import serving
 from tests.browser import opened
 from tests.meshes import mesh_file
-from tests.app.test_editor import serving
-from tests.app.test_editor_page import READY
 
 DOCS = Path(__file__).resolve().parents[1]
 MEDIA = DOCS / "media"

@@ -147,7 +147,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
     group, message = symmetry, ""
     if symmetry is not None and (oblique or guidance):
         all_images = np.ones(symmetry.order, dtype=bool)
-        turned = _keeps_orientation(frames.surface, symmetry) if oblique else all_images
+        turned = keeps_orientation(frames.surface, symmetry) if oblique else all_images
         guided = _keeps_guides(frames, symmetry, guidance) if guidance else all_images
         group, remaining_order = _subgroup(symmetry, turned & guided)
         causes = [f"rotate = {options.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
@@ -159,7 +159,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
     return Steering(float(np.radians(options.rotate)), guidance, group, message)
 
 
-def _keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
+def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
     """Return True for each image (g,) that keeps the sense of rotation on 90 % of the area; a mesh is never exact."""
     normal = surface.normals
     agree = [

@@ -129,7 +129,7 @@ def equilibria(
     answers = []
     for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
         answers.append(_answer(surface, load, elements, K @ x - f, x, is_held, float(f @ x), float(residual)))
-        _require_solved(surface, answers[-1].imbalance, residual)
+        require_solved(surface, answers[-1].imbalance, residual)
     return (*answers, *(_combination(surface, loads, answers, factors, F, X) for factors in sums))
 
 
@@ -199,7 +199,8 @@ def _combination(
     return Equilibrium(u, reaction, compliance, imbalance, residual, on_edges, torque, answers[0].elements)
 
 
-def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
+def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
+    """Raise StaticsError if the relative imbalance of a solution is over `BALANCE` or its residual over `RESIDUAL`."""
     if imbalance <= BALANCE and residual <= RESIDUAL:
         return
     needles = f"; {message}" if (message := needle_message(surface)) else ""

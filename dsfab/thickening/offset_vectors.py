@@ -233,7 +233,7 @@ def safe_shares(
             rows = faces[k : k + CHUNK]
             F = surface.F[rows]
             d = scaled.take(F, axis=0)
-            C, required = _prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[rows][:, :, None])
+            C, required = prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[rows][:, :, None])
             least = np.minimum(np.minimum(C[:, 0], C[:, 1]), C[:, 2])
             tight = ((least < required) & (required > 0)).any(axis=1)
             shrinks[F[tight]] = True
@@ -243,7 +243,7 @@ def safe_shares(
     return share
 
 
-def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
+def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) at
     corners.
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and

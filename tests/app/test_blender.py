@@ -43,7 +43,7 @@ def addon(tmp_path, monkeypatch):
     return module
 
 
-def test_its_words_are_those_of_dsfab_build(addon):
+def test_the_add_on_calls_dsfab_build_with_the_given_settings(addon):
     settings = SimpleNamespace(preset="dome", changes="statics.material=S235 'description=a b'")
     python, *words = addon.command(addon.PYTHON, Path("roof.obj"), settings, Path("out"))
     assert python == sys.executable
@@ -61,7 +61,7 @@ def test_its_words_are_those_of_dsfab_build(addon):
         addon.command("", Path("roof.obj"), SimpleNamespace(preset="", changes='"'), Path("out"))
 
 
-def test_what_dsfab_says_is_one_sentence(addon):
+def test_the_add_on_reduces_an_error_of_dsfab_to_one_sentence(addon):
     assert addon.failure_sentence(1, "a warning\ndsfab: statics.thickness = -1: no\n") == "statics.thickness = -1: no"
     assert addon.failure_sentence(1, "python: No module named dsfab") == (
         "this Python has no dsfab; name another one in the preferences of the add-on"
@@ -69,7 +69,7 @@ def test_what_dsfab_says_is_one_sentence(addon):
     assert addon.failure_sentence(-9, "") == "dsfab ended with -9: no word"
 
 
-def test_it_needs_python_and_blender_alone(tmp_path):
+def test_the_add_on_imports_only_python_and_blender(tmp_path):
     main(["blender", "-o", str(tmp_path / "a.py")])
     tree = ast.parse((tmp_path / "a.py").read_text(encoding="utf-8"))
     names = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
@@ -77,7 +77,7 @@ def test_it_needs_python_and_blender_alone(tmp_path):
     assert names - sys.stdlib_module_names == {"bpy", "mathutils"}
 
 
-def test_it_is_written_once_and_as_python(tmp_path, capsys):
+def test_the_add_on_is_written_once_and_only_to_a_python_file(tmp_path, capsys):
     words = ["blender", "-o", str(tmp_path / "a.py")]
     assert main(words) == 0
     assert main(words) == 1

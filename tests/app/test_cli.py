@@ -20,29 +20,14 @@ from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
 from dsfab.preset.file import load_preset
 from dsfab.surface.files import mesh_files
+from tests.app.command_line import refused, run
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
 QUICK = ["--set", "surface.edge=0.9", "--format", "stl,ply", "--no-picture"]
 
 
-def run(capsys, *arguments: str) -> tuple[int, str, str]:
-    code = main(arguments)
-    captured = capsys.readouterr()
-    return code, captured.out, captured.err
-
-
-def refused(capsys, *arguments: str, code: int = 1) -> str:
-    """The one line of a refusal, after checking that it is one."""
-    got, out, err = run(capsys, *arguments)
-    assert got == code, err
-    last = err.strip().splitlines()[-1]
-    assert last.startswith("dsfab: ")
-    assert "Traceback" not in err + out
-    return last
-
-
-def test_build_writes_every_file_and_says_what_it_did(capsys, tmp_path):
+def test_build_writes_all_files_and_prints_a_summary(capsys, tmp_path):
     folder = tmp_path / "out"
     code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
     assert code == 0
@@ -73,7 +58,7 @@ def test_the_written_preset_builds_the_same_bytes(capsys, tmp_path):
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
 
-def test_a_build_takes_the_place_of_the_one_before_and_leaves_what_is_not_its_own(capsys, tmp_path):
+def test_a_build_replaces_the_former_build_and_keeps_files_of_the_user(capsys, tmp_path):
     folder = tmp_path / "out"
     assert run(capsys, "build", DOME_MODES, *QUICK, "-o", str(folder))[0] == 0
     assert run(capsys, "export", str(folder), "--to", "obj")[0] == 0
@@ -128,7 +113,7 @@ def test_materials_are_listed_with_their_values_and_sources(capsys):
     assert "EN 14080" in out
 
 
-def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
+def test_inspect_prints_the_size_and_the_topology_of_a_mesh(capsys, tmp_path):
     file = tmp_path / "box.stl"
     trimesh.creation.box((2000, 1000, 500)).export(file)
     code, out, _ = run(capsys, "inspect", str(file), "--unit", "mm")
@@ -137,7 +122,7 @@ def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
         assert words in out
 
 
-def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(capsys, tmp_path):
+def test_inspect_lists_sizes_in_several_units_if_a_file_names_no_unit(capsys, tmp_path):
     V = "v 0 0 0\nv 315 0 0\nv 315 236 0\nv 0 236 118\nf 1 2 3\nf 1 3 4\n"
     (tmp_path / "room.obj").write_text(V)
     _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
@@ -149,7 +134,7 @@ def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(
     assert "likely unit  ft, as the file says\n" in out
 
 
-def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tmp_path, monkeypatch):
+def test_inspect_reads_a_file_once_and_explains_why_it_is_no_manifold(capsys, tmp_path, monkeypatch):
     read, one = [], mesh_files._POLYGONS[".obj"]
     monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
     file = tmp_path / "fan.obj"
@@ -161,7 +146,7 @@ def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tm
     assert len(read) == 1
 
 
-def test_inspect_ends_with_1_for_what_build_refuses_and_tells_what_became_of_the_file(capsys, tmp_path):
+def test_inspect_exits_with_1_for_a_mesh_that_build_refuses_and_lists_repairs(capsys, tmp_path):
     good, far = tmp_path / "good.obj", tmp_path / "far.obj"
     text = "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 0 2 0\nv 1 1 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 1 4 5\nf 1 2\n"
     good.write_text(text)
@@ -250,7 +235,7 @@ def test_bench_says_not_applicable_where_a_flat_sheet_does_not_bend(capsys):
 
 
 @pytest.mark.slow
-def test_compare_prints_the_competitors_and_the_gain_and_writes_them(capsys, tmp_path, monkeypatch):
+def test_compare_prints_and_writes_competitors_and_gain(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     arguments = ["compare", "cantilever", "--set", "surface.edge=0.1", "--against", "thinner,grid", "--frequency"]
     arguments.append("--no-report")
@@ -300,11 +285,9 @@ def test_compare_at_several_volumes_draws_a_chart(capsys, tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "says"),
     [
-        (["build", "nowhere"], "preset 'nowhere' not found"),
         (["build", "domme"], "did you mean dome?"),
         (["build", "dome", "--set", "pattern.major.frequncy=3"], "did you mean frequency?"),
         (["build", "dome", "--set", "pattern.major.frequency"], "is not KEY=VALUE"),
-        (["build", "dome", "--set", "surface.span=nan"], "should be a finite number"),
         (["build", "dome", "--mesh", "missing.obj"], "missing.obj"),
         (["build", "figurine"], "preset figurine needs your mesh: add --mesh FILE"),
         (["build", "dome", "--format", "steep"], "did you mean step?"),
@@ -338,7 +321,7 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
         ("build dome -o a -o b", "option -o appears more than once; give it once"),
     ],
 )
-def test_an_option_that_is_there_twice_is_told_with_what_to_write(capsys, words, says):
+def test_a_repeated_option_is_refused_with_the_correct_spelling(capsys, words, says):
     assert main(words.split()) == 2
     assert capsys.readouterr().err == f"dsfab: {says}\n"
 
@@ -385,7 +368,7 @@ def test_a_full_disk_in_a_new_folder_leaves_no_folder(capsys, tmp_path, monkeypa
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals")
-def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
+def test_ctrl_c_stops_a_build_with_one_line_and_leaves_no_files(tmp_path):
     command = [
         sys.executable,
         "-m",
@@ -407,7 +390,7 @@ def test_ctrl_c_stops_with_one_line_and_leaves_nothing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_an_unknown_unit_is_refused_with_those_that_are_known(capsys, tmp_path):
+def test_an_unknown_unit_is_refused_with_the_list_of_units(capsys, tmp_path):
     file = tmp_path / "box.stl"
     trimesh.creation.box((2, 1, 1)).export(file)
     assert "unit = 'furlong' is not known; use one of mm, cm" in refused(
@@ -461,7 +444,7 @@ def test_a_preset_that_waits_for_a_mesh_says_so(capsys, tmp_path, monkeypatch, w
     assert not list(tmp_path.iterdir())
 
 
-def test_the_mesh_that_was_given_is_the_one_that_is_missed(capsys, tmp_path):
+def test_a_missing_mesh_is_refused_with_its_path(capsys, tmp_path):
     missed = str(tmp_path / "nowhere.obj")
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--mesh", missed)
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--set", f"surface.file={missed}")

@@ -27,7 +27,7 @@ def rows_of(folder):
         return {row["name"]: row for row in csv.DictReader(file)}
 
 
-def test_what_is_refused_is_told_and_the_others_are_made(compared):
+def test_a_refused_preset_gets_an_error_row_and_the_comparison_continues(compared):
     rows = rows_of(compared)
     assert list(rows) == ["cantilever", "domme", "cantilever_light"]
     assert "did you mean dome?" in rows["domme"]["error"]
@@ -47,7 +47,7 @@ def test_what_is_refused_is_told_and_the_others_are_made(compared):
 
 
 @pytest.mark.slow
-def test_resuming_makes_what_is_missing_or_was_asked_otherwise(compared, monkeypatch, capsys):
+def test_resuming_computes_missing_rows_and_rows_with_other_options(compared, monkeypatch, capsys):
     made, real = [], compare.compare_one
 
     def noted(given, *rest, **named):

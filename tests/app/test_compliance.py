@@ -1,10 +1,8 @@
 """The report of `dsfab compare`: the same in HTML and in PDF, whole, offline, and true to results.json."""
 
-import base64
 import builtins
 import json
 import re
-import zlib
 from dataclasses import replace
 from html import unescape
 from html.parser import HTMLParser
@@ -27,6 +25,7 @@ from dsfab.report.pdf_pages import document_pdf
 from dsfab.study import compare_at
 from dsfab.study.comparison import comparison
 from dsfab.study.judges import full, quick
+from tests.app.pdf_text import pdf_pages, pdf_words
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
@@ -92,29 +91,6 @@ class Reader(HTMLParser):
             self.rows[-1][-1] += data
 
 
-def pdf_words(data: bytes) -> str:
-    """The text of a PDF."""
-    return " ".join(pdf_pages(data))
-
-
-def pdf_pages(data: bytes) -> list[str]:
-    """The text of each page, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
-    pages = []
-    for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
-        try:
-            text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True))
-        except (ValueError, zlib.error):
-            continue
-        if found := re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text):
-            pages.append(_plain(b" ".join(found)))
-    return pages
-
-
-def _plain(plain: bytes) -> str:
-    plain = re.sub(rb"\\([0-7]{3})", lambda match: bytes([int(match[1], 8)]), plain)
-    return re.sub(r"\\(.)", r"\1", plain.decode("cp1252")).replace("\u00a0", " ")
-
-
 @pytest.fixture(scope="module")
 def told(tmp_path_factory):
     """A whole run by the command line, on a coarse mesh with two load cases."""
@@ -167,7 +143,7 @@ def _missing() -> str:
     return ""
 
 
-def test_loads_and_supports_say_where_they_are_and_nothing_that_was_not_given(read):
+def test_the_report_lists_each_load_and_support_with_its_place_and_no_unset_value(read):
     table = read.rows[next(i for i, row in enumerate(read.rows) if "Where and how much" in row) :]
     said = [row[-1] for row in table if row[0].startswith(("Load", "Support"))][:3]
     assert len(said) == 3
@@ -235,7 +211,7 @@ def test_sections_follow_each_other_on_pages(told):
     assert all(len(page.split()) > 60 for page in pages[:-1])
 
 
-def test_words_on_pictures_are_as_high_on_paper_as_those_beside_them():
+def test_letters_on_pictures_have_the_height_of_the_text_of_the_report():
     """Those of load cases beside each other were three points high."""
     from PIL import Image
 
@@ -297,7 +273,7 @@ def test_without_reportlab_one_sentence_tells_and_the_rest_is_written(tmp_path, 
         document_pdf(Document("a", "b", [], [], "c"))
 
 
-def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(compared):
+def test_a_stiffer_thinner_sheet_is_reported_in_plain_words(compared):
     found = Findings(compared, [], "dsfab compare cantilever")
     (told,) = comparison_sentences(found)
     assert told.startswith("It must be said plainly: a <b>whole sheet without openings, 5 mm thick</b>")
@@ -308,7 +284,7 @@ def test_a_thinner_sheet_that_is_stiffer_is_told_plainly(compared):
 
 
 @pytest.mark.slow
-def test_a_thinner_sheet_that_is_stiffer_is_told_at_other_volumes_too(drafted, compared):
+def test_a_stiffer_thinner_sheet_is_reported_at_all_volumes(drafted, compared):
     found = Findings(compared, [], "dsfab compare cantilever")
     at = [(share, compare_at(drafted, share, ("thinner",), full)) for share in (0.4, 0.7)]
     assert "At 40% and 70% of the material a thinner whole sheet" in thinner_sheet_words(replace(found, volumes=at))
@@ -323,7 +299,7 @@ def test_a_thinner_sheet_that_is_stiffer_is_told_at_other_volumes_too(drafted, c
     assert thinner_sheet_words(replace(found, volumes=[(0.7, stiff)])).startswith("At every share that was tried the")
 
 
-def test_verdicts_follow_what_was_found(compared):
+def test_the_verdict_of_a_report_follows_its_checks(compared):
     found = Findings(compared, [], "")
     assert (found.status, verdict_banner(found).status) == ("pass", "pass")
     assert {one.name: one.status for one in found.checks}["Outline of the members"] == "note"
@@ -345,7 +321,7 @@ def test_verdicts_follow_what_was_found(compared):
     assert "case wind is lost" in verdict_banner(Findings(replace(compared, design=lost), [], "")).text
 
 
-def test_stress_and_displacement_are_shown_of_the_cases_in_which_they_are_the_largest(compared):
+def test_pictures_show_the_load_case_with_the_largest_stress_or_displacement(compared):
     """Not of the one that takes the most work, and the table says of which."""
     judged = compared.design.judgement
     most = judged.cases["load"]
@@ -401,7 +377,7 @@ def read_page(folder):
     return reader, " ".join(reader.text)
 
 
-def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_path, capsys, monkeypatch):
+def test_the_report_of_a_failing_design_gives_the_reason(tmp_path, capsys, monkeypatch):
     from dsfab.preset.file import preset_toml
 
     small(monkeypatch)
@@ -431,7 +407,7 @@ def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_p
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("loose", "drawn"), [("drop", True), ("refuse", False)])
-def test_what_cannot_be_cut_or_is_a_mechanism_fails_and_is_told(tmp_path, monkeypatch, loose, drawn):
+def test_a_competitor_that_is_a_mechanism_or_has_no_cut_fails_with_a_reason(tmp_path, monkeypatch, loose, drawn):
     def mechanism(task, structure, *_, **__):
         if structure.cells is not structure.sheet:
             raise StaticsError("the sheet is a mechanism: it turns about a hinge")

@@ -18,7 +18,6 @@ import threading
 import time
 import tomllib
 import urllib.request
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -42,28 +41,22 @@ from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, open_preset, opened_mesh, opened_shipped
 from dsfab.app.hops.server import HopsHandler
-from dsfab.app.options import Source
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.limits import CROWDING, SLIT
 from dsfab.design import Design, draft, run
 from dsfab.export import write
 from dsfab.pattern.layers import CLOSING_WIDTHS, FOLLOWING_WIDTHS
 from dsfab.pattern.widths import SOLID
-from dsfab.preset.file import load_preset, parse_override, preset_from
+from dsfab.preset.file import load_preset, preset_from
 from dsfab.surface import Surface
+from tests.app.editor_server import COARSE, COARSELY, served_changes, serving, unpacked, wait
 from tests.presets import DOME_MODES
 
-COARSE = {"surface.edge": 1.2}
-COARSELY = Source(("surface.edge=1.2",))
 
-
-def served_changes(page):
-    """The names and numbers that the command line makes of a command."""
-    import shlex
-
-    words = shlex.split(page)
-    sets = [words[i + 1] for i, word in enumerate(words) if word == "--set"]
-    return words[2], dict(parse_override(text) for text in sets)
+@pytest.fixture(scope="module")
+def server():
+    with serving() as made:
+        yield made
 
 
 # --- opened
@@ -90,7 +83,7 @@ def test_a_command_too_long_to_paste_becomes_a_file():
     assert opened_shipped("dome").command(changes) == ("dsfab build dome.toml", True)
 
 
-def test_the_saved_preset_is_the_shown_one():
+def test_the_saved_preset_equals_the_shown_preset():
     now = opened_shipped("dome")
     changes = {"pattern.keep": 0.5}
     assert preset_from(tomllib.loads(now.toml(changes))) == now.preset_with(changes)
@@ -146,19 +139,7 @@ def test_every_number_of_the_pattern_has_a_control():
             where = where[part]
 
 
-def unpacked(content):
-    long = int.from_bytes(content[:4], "little")
-    facts = json.loads(content[4 : 4 + long])
-    arrays = {
-        name: np.frombuffer(content, told["type"], int(np.prod(told["shape"])), 4 + long + told["at"]).reshape(
-            told["shape"]
-        )
-        for name, told in facts["arrays"].items()
-    }
-    return facts, arrays
-
-
-def test_what_is_packed_comes_out_again():
+def test_a_packed_message_unpacks_to_the_same_arrays():
     given = {"a": np.arange(5.0).reshape(5, 1), "b": np.array([True, False, True]), "c": np.arange(6).reshape(2, 3)}
     facts, arrays = unpacked(pack_message({"name": "ü"}, given))
     assert facts["name"] == "ü"
@@ -189,7 +170,7 @@ def test_the_page_gets_the_draft(dome):
         assert facts["lines"][name][0] > 0
 
 
-def test_creases_are_told():
+def test_the_page_receives_the_creases_of_a_surface():
     """Two plates at a right angle; a dome has none."""
     V = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [0, 0, 1], [1, 0, 1]], dtype=float)
     folded = Surface(V, np.array([[0, 1, 3], [0, 3, 2], [0, 4, 5], [0, 5, 1]]))
@@ -197,7 +178,7 @@ def test_creases_are_told():
     assert not has_creases(load_preset(DOME_MODES, COARSE).surface.build())
 
 
-def test_widths_are_those_that_are_cut(dome):
+def test_the_page_receives_the_widths_of_the_cut(dome):
     facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     half = dict(zip(dome.pattern.names, dome.pattern.half_widths, strict=True))
     np.testing.assert_allclose(arrays["half"][:, 0], half["major"], rtol=1e-6)
@@ -228,15 +209,7 @@ def test_colour_scales_have_64_steps():
 # --- jobs
 
 
-def wait(jobs, number, states=("done", "failed", "cancelled")):
-    end = time.monotonic() + 60
-    while jobs.job(number).state not in states:
-        assert time.monotonic() < end
-        time.sleep(0.005)
-    return jobs.job(number)
-
-
-def test_a_job_tells_its_way_and_its_end():
+def test_a_job_reports_its_progress_and_its_end():
     with Jobs() as jobs:
         news = jobs.add_listener()
         number = jobs.submit("solve", lambda progress: progress("statics", "solving") or {"answer": 42})
@@ -246,7 +219,7 @@ def test_a_job_tells_its_way_and_its_end():
         jobs.remove_listener(news)
 
 
-def test_mistakes_are_told_and_the_worker_lives_on(caplog):
+def test_errors_are_reported_and_the_worker_continues(caplog):
     def refuse(progress):
         raise DsfabError("no support")
 
@@ -307,7 +280,7 @@ def test_a_job_that_does_not_notice_is_left_behind():
         assert jobs.job(number).state == "cancelled"
 
 
-def test_a_newer_wish_ends_the_older_one():
+def test_a_newer_request_cancels_the_older_request():
     begun, long = endless()
     with Jobs() as jobs:
         old = jobs.submit("solve", long)
@@ -334,7 +307,7 @@ def test_a_change_of_stripes_solves_nothing_again():
         assert len(part) < 0.2 * len(whole)
 
 
-def test_a_page_that_begins_gets_what_is_being_solved():
+def test_a_new_page_receives_the_running_solution():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         assert session.first_model() == b""  # nobody has asked for anything
         job = session.ask_solve({})
@@ -375,7 +348,7 @@ def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, m
         assert unpacked(session.model(sketch["version"]))[0]["whole"]
 
 
-def test_what_cannot_be_is_refused_in_a_sentence():
+def test_a_value_out_of_range_is_refused_in_one_sentence():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
             session.ask_solve({"pattern.major.threshold": 7})
@@ -408,10 +381,8 @@ def test_a_mesh_of_the_page_is_read_elsewhere_and_may_be_cancelled(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_build_writes_what_the_command_line_writes(monkeypatch):
+def test_a_build_of_the_editor_writes_the_files_of_the_command_line(no_pictures):
     import trimesh
-
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")  # seconds, and tested elsewhere
 
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         wait(session.jobs, session.ask_solve({}))
@@ -430,7 +401,7 @@ def test_a_build_writes_what_the_command_line_writes(monkeypatch):
 
 
 @pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="processes are looked at in /proc")
-def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
+def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path, no_pictures):
     """Also the programs that it began, and its temporary files: STEP files are read back by one."""
     pids = tmp_path / "pids"
     deep = (
@@ -439,7 +410,6 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
         f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}} '); time.sleep(600)"
     )
     monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", deep)
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         folder = Path(session._folder.name)
         number = session.ask_build({"export.formats": ["step"]})["job"]
@@ -475,9 +445,8 @@ def alive(pid):
         ("import os; os.abort()", "failed", "stopped too early"),
     ],
 )
-def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
+def test_a_failed_build_reports_its_cause(monkeypatch, caplog, program, state, said, no_pictures):
     monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", program)
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])
         assert job.state == state
@@ -485,7 +454,7 @@ def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
         assert not list(Path(session._folder.name).rglob("*"))
 
 
-def test_a_draft_comes_out_of_another_process_as_it_was(dome):
+def test_a_pickled_draft_equals_the_original(dome):
     there = pickle.loads(pickled(dome))
     assert there.preset == dome.preset
     np.testing.assert_array_equal(there.statics.answers.equilibrium.u, dome.statics.answers.equilibrium.u)
@@ -493,20 +462,6 @@ def test_a_draft_comes_out_of_another_process_as_it_was(dome):
 
 
 # --- doors
-
-
-@contextmanager
-def serving(first=None, outputs=None):
-    with Session(first or OpenedPreset(load_preset(DOME_MODES, COARSE), ("dome",)), outputs=outputs) as session:
-        server = EditorServer(session)
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.02})
-        thread.start()
-        try:
-            yield server
-        finally:
-            server.shutdown()
-            thread.join()
-            server.server_close()
 
 
 @pytest.fixture
@@ -589,12 +544,6 @@ def test_temporary_folders_are_gone_at_the_end_and_after_a_kill_at_the_next_star
     assert folders() == []
 
 
-@pytest.fixture(scope="module")
-def server():
-    with serving() as made:
-        yield made
-
-
 def ask(server, method, path, body=None, **headers):
     """Status, headers and body of a request; headers of None are left out."""
     connection = http.client.HTTPConnection("127.0.0.1", server.server_address[1], timeout=60)
@@ -608,7 +557,7 @@ def ask(server, method, path, body=None, **headers):
     return answer.status, dict(answer.getheaders()), content
 
 
-def test_it_answers_itself(server):
+def test_the_server_serves_the_page_with_a_strict_content_policy(server):
     status, headers, content = ask(server, "GET", f"/?token={server.token}", X_Dsfab_Token=None)
     assert status == 200
     assert "script-src 'self' 'nonce-" in headers["Content-Security-Policy"]
@@ -621,11 +570,11 @@ def test_it_answers_itself(server):
     assert ask(server, "GET", "/api/start")[0] == 200
 
 
-def test_it_listens_on_this_machine_alone(server):
+def test_the_server_listens_on_localhost_only(server):
     assert server.server_address[0] == "127.0.0.1"
 
 
-def test_every_file_that_the_page_names_is_there(server):
+def test_all_files_that_the_page_names_exist(server):
 
     page = doors.static_files()
     named = re.findall(r'(?:src|href)="/static/([^"]+)"', page["index.html"].decode())
@@ -641,7 +590,7 @@ def test_every_file_that_the_page_names_is_there(server):
         assert ask(server, "GET", f"/static/{name}", X_Dsfab_Token=None)[0] == 200, name
 
 
-def test_three_js_is_as_its_authors_published_it():
+def test_the_bundled_three_js_has_the_published_checksums():
     """Of the npm package three 0.187.0; whoever takes another version writes its sums here."""
     known = {
         "vendor/three.core.js": "613e370f76638fdef83926642bf256dc9615684922de1ce1f63a8583e5d78578",
@@ -653,7 +602,7 @@ def test_three_js_is_as_its_authors_published_it():
     assert {name: found[name] for name in found if name.startswith("vendor/")} == known
 
 
-def test_all_modules_are_asked_for_at_once(server):
+def test_the_page_requests_all_modules_at_once(server):
     """None is found only after another one has come (the way to a notebook is none of them)."""
     html = ask(server, "GET", f"/?token={server.token}")[2].decode()
     told = set(re.findall(r'modulepreload" href="/static/([^"]+)"', html))
@@ -702,14 +651,14 @@ def test_all_modules_are_asked_for_at_once(server):
         ("PUT", "/api/preset", {"changes": {}}, {}, 501),
     ],
 )  # fmt: skip
-def test_what_is_turned_away(server, method, path, body, headers, status):
+def test_unsafe_requests_are_rejected_with_their_status(server, method, path, body, headers, status):
     got, told, content = ask(server, method, path, body, **headers)
     assert got == status, content
     assert "Access-Control-Allow-Origin" not in told
     assert b"Traceback" not in content
 
 
-def test_a_connection_that_is_reset_is_no_word_on_the_terminal(server, capfd, monkeypatch):
+def test_a_reset_connection_prints_nothing_on_the_terminal(server, capfd, monkeypatch):
     ended, shut_down = queue.Queue(), server.shutdown_request
     monkeypatch.setattr(server, "shutdown_request", lambda request: ended.put(shut_down(request)))
     for sent in (b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /api/open HTTP/1.1\r\nContent-Length: 99\r\n\r\n{"):
@@ -722,7 +671,7 @@ def test_a_connection_that_is_reset_is_no_word_on_the_terminal(server, capfd, mo
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals are others there")
-def test_ctrl_c_ends_it_cleanly():
+def test_ctrl_c_ends_the_editor_cleanly():
     command = [sys.executable, "-m", "dsfab.app.cli", "edit", DOME_MODES, "--no-open"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -736,7 +685,7 @@ def test_ctrl_c_ends_it_cleanly():
     assert said == ""
 
 
-def test_a_port_in_use_is_told(server, capsys):
+def test_a_port_in_use_is_reported(server, capsys):
     from dsfab.app.cli import main
 
     assert main(["edit", DOME_MODES, "--no-open", "--port", str(server.server_address[1])]) == 1

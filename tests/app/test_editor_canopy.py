@@ -14,8 +14,8 @@ import trimesh
 from dsfab.app.editor.workspace import OpenedPreset, Outputs
 from dsfab.export import write
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, serving
-from tests.app.test_editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_server import COARSE, serving
 from tests.browser import browser
 from tests.canopy import canopy
 from tests.presets import DOME_MODES
@@ -67,10 +67,7 @@ class Hand:
             self.tab.call("DOM.setFileInputFiles", files=[str(path)], objectId=node)
 
 
-def test_a_canopy_is_built_in_twelve_actions(tmp_path, monkeypatch):
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+def test_a_canopy_is_built_in_twelve_actions(tmp_path, no_pictures, coarse_proposals):
     mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
         serving(OpenedPreset(load_preset(DOME_MODES, COARSE)), outputs) as server,

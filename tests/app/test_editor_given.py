@@ -8,8 +8,8 @@ from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.materials import KEYS, MATERIALS
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Fabrication
-from tests.app.test_editor import COARSE, COARSELY, served_changes, serving
-from tests.app.test_editor_page import READY, page_of, solved, type_into, until
+from tests.app.editor_page import READY, page_of, solved, type_into, until
+from tests.app.editor_server import COARSE, COARSELY, served_changes, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -29,7 +29,7 @@ def test_every_limit_of_the_workshop_has_a_control():
         assert 0 < listed[key]["low"] < listed[key]["high"]
 
 
-def test_the_page_is_told_what_a_material_gives():
+def test_the_page_receives_the_values_of_each_material():
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         told = session.start()["materials"]
     assert {name: {key: one[key] for key in KEYS} for name, one in told.items()} == {
@@ -38,7 +38,7 @@ def test_the_page_is_told_what_a_material_gives():
     assert "19.2 MPa" in told["GL24h"]["says"]
 
 
-def test_what_is_nothing_is_told_by_a_file():
+def test_a_cleared_value_is_passed_to_the_command_line_by_a_file():
     assert open_preset(DOME_MODES, COARSELY.with_overrides("fabrication.bed=[1,1,1]")).command(
         {"fabrication.bed": None}
     )[1]
@@ -86,7 +86,7 @@ def shown(tab, server):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_a_material_gives_its_values_and_own_ones_are_told(tab, server):
+def test_a_chosen_material_fills_its_values_and_the_page_marks_changed_ones(tab, server):
     choose(tab, "statics-material", "GL24h")
     assert tab.run("dsfab.state.changes") == {"statics.material": "GL24h"}
     assert tab.run("document.getElementById('statics-young').value") == "1.15e10"

@@ -10,8 +10,8 @@ from dsfab.core.errors import StaticsError
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
 from dsfab.render import member_places
-from tests.app.test_editor import serving
-from tests.app.test_editor_page import place_of, solved, until
+from tests.app.editor_page import place_of, solved, until
+from tests.app.editor_server import serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -30,7 +30,7 @@ def made():
     return draft(load_preset(DOME_MODES, STEEL))
 
 
-def test_members_are_told_by_name_with_their_measures_and_where_they_run(made):
+def test_the_page_receives_names_sizes_and_axes_of_members(made):
     told = json.loads(json.dumps(member_places(made), allow_nan=False))
     graph = made.members
     assert [one["id"] for one in told["members"]] == [member.id for member in graph.members]
@@ -51,7 +51,7 @@ def test_members_are_told_by_name_with_their_measures_and_where_they_run(made):
 
 
 @pytest.mark.slow
-def test_what_members_bear_is_told_where_a_strength_is_known(made):
+def test_members_have_a_utilisation_if_a_strength_is_set(made):
     told = member_places(made, judged=True)
     full = made.member_utilisation.by_member
     assert {one["id"]: one["utilisation"] for one in told["members"] if one["utilisation"] is not None} == full

@@ -161,7 +161,7 @@ def of(tab, identifier):
 
 
 @pytest.mark.slow
-def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
+def test_a_slider_of_the_widget_changes_the_picture_and_the_python_value(tab, editor):
     before = tab.run(SEEN)
     assert before > 1000
     at = of(tab, "pattern-width-solid_fraction")
@@ -173,7 +173,7 @@ def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
 
 
 @pytest.mark.slow
-def test_what_python_changes_is_drawn(tab, editor):
+def test_a_change_from_python_updates_the_picture(tab, editor):
     editor.changes = {"pattern.width.solid_fraction": 0.3}
     until(lambda: tab.run(f"{of(tab, 'pattern-width-solid_fraction')}.value") == "0.3")
     until(lambda: tab.run(f"{of(tab, 'f-share')}.textContent") == "30.0 %")
@@ -184,7 +184,7 @@ def test_what_python_changes_is_drawn(tab, editor):
 
 
 @pytest.mark.slow
-def test_a_mistake_of_the_page_is_told_there(tab, editor):
+def test_an_invalid_input_is_reported_on_the_page(tab, editor):
     at = of(tab, "diffusion-r")
     tab.run(f"{at}.value = '0.5'; {at}.dispatchEvent(new Event('change'))")
     assert "diffusion.r" in until(lambda: tab.run(f"{of(tab, 'notice')}.textContent"))
@@ -221,12 +221,12 @@ def test_the_cell_may_be_shown_again_and_taken_away(tab, editor):
     until(lambda: tab.run("heard['msg:custom'].size") == 0)
 
 
-def test_nothing_went_wrong_and_nobody_else_was_asked(tab):
+def test_the_widget_makes_no_error_and_no_foreign_request(tab):
     assert tab.errors == []
     assert [url for url in tab.requests if not url.startswith(("http://127.0.0.1:", "data:", "blob:", "about:"))] == []
 
 
-def test_every_module_of_the_bundle_is_in_it():
+def test_the_bundle_contains_all_modules_that_it_imports():
     packed = re.search(r"PACKED = '([^']+)'", widget_module())[1]
     parts = json.loads(gzip.decompress(base64.b64decode(packed)))
     line = re.compile(r"""^(?:import|export)[^'"=(]*from ['"]([^'"]+)""", re.M)
@@ -251,7 +251,7 @@ def test_the_missing_extra_is_named(monkeypatch):
         dsfab.edit("dome")
 
 
-def test_python_may_not_set_what_no_preset_holds(editor):
+def test_python_refuses_keys_that_no_preset_has(editor):
     before = editor.changes
     with pytest.raises(PresetError, match=r"pattern\.major\.threshold"):
         editor.changes = {"pattern.major.threshold": 7}
@@ -262,7 +262,7 @@ def test_a_draft_is_shown_without_solving(editor):
     assert len(editor._session.model(0)) > 10_000  # a session that has solved nothing refuses
 
 
-def test_what_cannot_be_opened_is_refused():
+def test_an_unknown_preset_name_is_refused():
     pytest.importorskip("anywidget")
     with pytest.raises(PresetError, match="dome"):
         dsfab.edit("domme")

@@ -15,8 +15,8 @@ from dsfab.app.export import TO_HELP, format_suffix, offered_formats
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import write
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, COARSELY, serving, wait
-from tests.app.test_editor_page import DROP, READY, page_of, type_into, until
+from tests.app.editor_page import DROP, READY, page_of, type_into, until
+from tests.app.editor_server import COARSE, COARSELY, serving, wait
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -25,10 +25,7 @@ STL = {"export.formats": ["stl"]}
 
 
 @pytest.fixture
-def outputs(tmp_path, monkeypatch):
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+def outputs(tmp_path, monkeypatch, no_pictures, coarse_proposals):
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 
@@ -71,7 +68,7 @@ def test_a_file_of_others_is_never_overwritten(outputs):
     assert (outputs.home / "roof.toml").read_text() == "mine"
 
 
-def test_a_build_goes_into_the_folder_of_its_name_and_asks_first(outputs):
+def test_a_build_goes_into_a_folder_of_its_name_after_a_question(outputs):
     with Session(open_preset(DOME_MODES, COARSELY), outputs=outputs) as session:
         job = wait(session.jobs, session.ask_build({**STL, "name": "hut"}, replace=False)["job"])
         assert job.state == "done", job.text
@@ -85,7 +82,7 @@ def test_a_build_goes_into_the_folder_of_its_name_and_asks_first(outputs):
         assert "job" in session.ask_build({**STL, "name": "hut"}, replace=True)
 
 
-def test_one_file_is_told_as_one(outputs):
+def test_one_file_is_counted_in_the_singular(outputs):
     (outputs.home / "hut").mkdir(parents=True)
     (outputs.home / "hut" / "a").touch()
     builds = Builds(outputs, outputs.home)
@@ -135,7 +132,7 @@ def tab(outputs, tmp_path):
 
 
 @pytest.mark.slow
-def test_one_file_is_exported_and_told(outputs, dropped):
+def test_the_editor_exports_one_file_and_names_it(outputs, dropped):
     with Session(dropped, outputs=outputs) as session:
         wait(session.jobs, session.ask_solve({}))
         job = wait(session.jobs, session.ask_build({}, only="csv")["job"])
@@ -191,7 +188,7 @@ def test_the_copied_command_works_when_pasted(tab, outputs):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_another_run_built_is_asked_about(tab, outputs):
+def test_the_editor_asks_before_it_replaces_a_build_of_another_run(tab, outputs):
     (outputs.home / "hut").mkdir(parents=True)
     (outputs.home / "hut" / "hut.stl").write_text("of before")
     assert tab.run("document.getElementById('place').textContent") == "outputs/"
@@ -217,7 +214,7 @@ def test_what_another_run_built_is_asked_about(tab, outputs):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
+def test_an_opened_preset_fills_the_picture_at_any_size(tab):
     """From a dome of 14 m to a roof of 0.9 m, and back; the eye of the one is no eye for the other."""
     share = "(() => { const { seen } = dsfab.viewer.mask(); return seen.reduce((a, b) => a + b, 0) / seen.length; })()"
     dsfab = "dsfab.views.view({layers: ['sheet']}); new Promise(done => setTimeout(done, 400))"  # eyes are remembered

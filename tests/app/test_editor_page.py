@@ -3,7 +3,6 @@
 import json
 import time
 import urllib.request
-from contextlib import contextmanager
 from itertools import pairwise
 
 import numpy as np
@@ -12,16 +11,22 @@ import pytest
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.design import draft
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import serving
-from tests.browser import browser, opened
+from tests.app.editor_page import (
+    DROP,
+    READY,
+    SEEN,
+    SIZE,
+    page_of,
+    place_of,
+    seen_by_both,
+    share_measured,
+    solved,
+    type_into,
+    until,
+)
+from tests.app.editor_server import serving
+from tests.browser import browser
 from tests.presets import DOME_MODES
-
-pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
-
-SIZE = (900, 560)
-READY = "!!(window.dsfab && dsfab.model && !document.querySelector('#picture').classList.contains('outdated'))"
-CUT = "dsfab.viewer.sheet.geometry !== dsfab.viewer.sheet.live"
-SEEN = "dsfab.viewer.mask().seen.reduce((a, b) => a + b, 0)"
 
 
 @pytest.fixture(scope="module")
@@ -30,16 +35,14 @@ def server():
         yield made
 
 
-@contextmanager
-def page_of(server, folder, more=(), size=SIZE):
-    with opened(folder, size, more) as tab:
-        tab.call("Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=False)
-        yield tab
-
-
 @pytest.fixture(scope="module")
 def tab(sharp_tab):
     return sharp_tab
+
+
+pytestmark = pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed")
+
+CUT = "dsfab.viewer.sheet.geometry !== dsfab.viewer.sheet.live"
 
 
 @pytest.fixture(autouse=True)
@@ -53,46 +56,10 @@ def fresh(request):
         solved(tab)
 
 
-def until(tab, expression, seconds=240):
-    """The first value of an expression that is true; the limit is for what never comes, on a machine however busy."""
-    end = time.monotonic() + seconds
-    while not (value := tab.run(expression)):
-        assert time.monotonic() < end, f"{expression} never came; errors: {tab.errors}"
-        time.sleep(0.03)
-    return value
-
-
-def type_into(tab, identifier, text):
-    tab.run(f"(() => {{ const e = document.getElementById('{identifier}'); e.focus(); e.value = '{text}'; "
-            "e.dispatchEvent(new Event('change', {bubbles: true})); })()")  # fmt: skip
-
-
-def solved(tab):
-    """Wait until what is shown is what the server made of the newest wish."""
-    tab.run("new Promise(done => setTimeout(done, 140))")
-    until(tab, "dsfab.done === dsfab.work.latest.solve && " + READY)
-
-
-def share_measured(tab):
-    """Per cent kept of the surface as the server has measured it, once the page shows that and no estimate."""
-    told = "document.getElementById('f-share').textContent"
-    return float(until(tab, f"/^[0-9]/.test({told}) && {told}").split()[0])
-
-
 def choose(tab, kind):
     """What acts where something was picked."""
     at = "document.getElementById('add-kind')"
     tab.run(f"{at}.value = '{kind}'; {at}.dispatchEvent(new Event('change'))")
-
-
-def place_of(tab, x, y, z):
-    """Pixels in the window of a place in the view's own metres."""
-    script = (
-        "(() => { const c = document.getElementById('canvas').getBoundingClientRect();"
-        f"const p = dsfab.viewer.eye.camera.position.clone().set({x}, {y}, {z}).project(dsfab.viewer.eye.camera);"
-        "return [c.left + (p.x + 1) / 2 * c.width, c.top + (1 - p.y) / 2 * c.height]; })()"
-    )
-    return tab.run(script)
 
 
 @pytest.mark.slow
@@ -108,7 +75,7 @@ def test_a_slider_changes_the_picture_in_one_frame(tab):
     assert tab.run(SEEN) == pytest.approx(more, rel=0.01)  # what the server made of it looks the same
 
 
-def test_what_was_measured_is_shown_even_where_it_comes_before_the_picture(tab):
+def test_measured_values_appear_even_if_they_arrive_before_the_picture(tab):
     tab.run(
         "window.plainFetch = window.fetch; window.fetch = async (path, ...more) => {"
         "if (path.startsWith('/api/model')) while (dsfab.told?.draft !== window.wanted) "
@@ -148,7 +115,7 @@ def test_undo_and_redo(tab):
     assert tab.run("dsfab.state.changes") == {"pattern.major.frequency": 15}
 
 
-def test_a_load_makes_the_picture_outdated_until_it_is_solved(tab):
+def test_a_changed_load_marks_the_picture_as_outdated_until_the_solution(tab):
     version = tab.run("dsfab.model.facts.version")
     tab.run("dsfab.state.set({'diffusion.r': 5})")
     assert tab.run("document.querySelector('#picture').classList.contains('outdated')")
@@ -180,14 +147,14 @@ def test_parallel_keeps_the_size(tab):
 
 
 @pytest.mark.slow
-def test_a_section_leaves_half_of_it(tab):
+def test_a_section_hides_half_of_the_sheet(tab):
     tab.run("dsfab.views.look('top'); dsfab.views.view({layers: ['sheet']})")
     before = tab.run(SEEN)
     tab.run("dsfab.views.view({section: ['x', 0]})")
     assert tab.run(SEEN) == pytest.approx(before / 2, rel=0.05)
 
 
-def test_pick_a_support_and_it_is_solved(tab):
+def test_a_picked_support_starts_a_new_solution(tab):
     tab.run("document.getElementById('loads').open = true; document.querySelector('[data-way=spot]').click()")
     tab.run("dsfab.views.view({layers: ['sheet']})")
     highest = "Math.max(...dsfab.model.arrays.supports.filter((_, i) => i % 3 === 2))"
@@ -254,7 +221,7 @@ def test_springs_and_lines_in_a_case_of_their_own(tab):
 
 
 @pytest.mark.slow
-def test_why_a_build_is_refused_is_seen_without_a_click(tab):
+def test_the_reason_of_a_refused_build_is_visible_without_a_click(tab):
     """It stood among the notes, which are closed."""
     seen = "(box => !box.hidden && box.checkVisibility() && box.textContent)(document.getElementById('refused'))"
     assert tab.run(seen) is False
@@ -326,10 +293,9 @@ def test_a_reload_restores_everything(tab, server):
 
 
 @pytest.mark.slow
-def test_build_and_download_a_solid(tab, tmp_path, monkeypatch):
+def test_build_and_download_a_solid(tab, tmp_path, no_pictures):
     import trimesh
 
-    monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     tab.run("dsfab.state.set({'pattern.major.frequency': 4, 'pattern.minor.frequency': 4})")  # faces take the time
     solved(tab)
     tab.run("document.getElementById('build').click()")
@@ -358,7 +324,7 @@ def test_a_build_can_be_cancelled(tab, monkeypatch):
     assert tab.run("document.getElementById('progress').hidden")
 
 
-def test_what_cannot_be_is_said_and_can_be_undone(tab):
+def test_an_invalid_value_shows_a_notice_and_undo_restores_the_former_value(tab):
     type_into(tab, "diffusion-r", "0.5")
     said = until(tab, "document.getElementById('notice').textContent")
     assert "diffusion.r" in said
@@ -377,7 +343,7 @@ def test_a_load_twice_as_large_moves_the_sheet_twice_as_far(tab):
     assert tab.run("dsfab.model.facts.limits.displacement") == pytest.approx(2 * before, rel=1e-6)
 
 
-def test_the_command_is_told(tab):
+def test_the_page_shows_the_command_of_the_design(tab):
     type_into(tab, "pattern-minor-frequency", "12")
     tab.run("document.getElementById('copy').click()")
     told = until(tab, "document.querySelector('#command code')?.textContent")
@@ -450,7 +416,7 @@ CONTRAST = """(() => {
 
 
 @pytest.mark.slow
-def test_it_fits_a_telephone(tab):
+def test_the_page_fits_a_telephone(tab):
     tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=2, mobile=True)
     try:
         assert tab.run("document.documentElement.scrollWidth <= 390")
@@ -464,30 +430,7 @@ def test_it_fits_a_telephone(tab):
         tab.call("Emulation.setDeviceMetricsOverride", width=SIZE[0], height=SIZE[1], deviceScaleFactor=1, mobile=False)
 
 
-def seen_by_both(tab, made):
-    """Masks of a draft from the same eye: of WebGL in the page that shows it, and of VTK."""
-    from dsfab.render.previewer import Previewer
-
-    size = (800, 600)
-    with Previewer(made, marks=False) as previewer:
-        theirs = previewer.mask(size, words=False)
-        view = previewer._view(size, False)
-    centre = np.array(tab.run("dsfab.model.facts.centre"))
-    eye, ahead = (
-        (view.eye - centre).tolist(),
-        (view.eye + view.forward * np.linalg.norm(view.eye - centre) - centre).tolist(),
-    )
-    tab.run(f"dsfab.viewer.renderer.setSize({size[0]}, {size[1]}, false); dsfab.viewer.eye.resize({size[0] / size[1]});"
-            f"dsfab.viewer.eye.numbers = {[*eye, *ahead, 1, 0]}; 1")  # fmt: skip
-    told = tab.run("(() => { const m = dsfab.viewer.mask(); return [m.width, m.height, m.seen.join('')]; })()")
-    tab.run("dsfab.viewer.resize()")
-    assert told[:2] == list(size)
-    ours = (np.frombuffer(told[2].encode(), np.uint8) == ord("1")).reshape(size[1], size[0])[::-1]
-    assert theirs.sum() > 30_000
-    return ours, theirs
-
-
-def test_the_browser_sees_what_the_previewer_sees(tab):
+def test_the_browser_and_the_previewer_draw_the_same_mask(tab):
     """The mask of WebGL against that of VTK, from the same eye: under 0.2 % of its pixels differ."""
     changes = {"pattern.width.rule": "plain", "pattern.width.solid_fraction": 0.0, "pattern.keep": 0.2}
     tab.run(f"dsfab.state.set({json.dumps(changes)})")
@@ -559,24 +502,8 @@ def test_stripes_cost_little_more_than_the_plain_mesh(tab):
     pytest.fail(f"milliseconds of frames: {least}")
 
 
-DROP = """(() => {
-    const lines = [];
-    for (let i = 0; i < 100; i++) {
-        const [x, y] = [i % 10, Math.floor(i / 10)];
-        lines.push(`v ${10 * x} ${10 * y} ${0.02 * x * (9 - x)}`);
-        if (x < 9 && y < 9) lines.push(`f ${i + 1} ${i + 2} ${i + 12}`, `f ${i + 1} ${i + 12} ${i + 11}`);
-    }
-    const transfer = new DataTransfer();
-    transfer.items.add(new File([lines.join('\\n')], 'my roof.obj'));
-    const drop = new DragEvent('drop', { dataTransfer: transfer, bubbles: true, cancelable: true });
-    document.getElementById('picture').dispatchEvent(drop);
-})()"""
-
-
 @pytest.mark.slow
-def test_a_mesh_is_dropped_and_its_unit_asked(tab, monkeypatch):
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+def test_the_page_asks_for_the_unit_of_a_dropped_mesh(tab, coarse_proposals):
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")
@@ -586,7 +513,7 @@ def test_a_mesh_is_dropped_and_its_unit_asked(tab, monkeypatch):
     until(tab, "dsfab.start.title === 'barrel_vault' && dsfab.model.facts.opening === dsfab.start.opening && " + READY)
 
 
-def test_nothing_went_wrong_and_nobody_else_was_asked(tab, server):
+def test_the_page_makes_no_error_and_no_foreign_request(tab, server):
     home = server.address.split("?")[0]
     assert [error for error in tab.errors if "422" not in error] == []  # refusals of a test above
     assert [url for url in tab.requests if not url.startswith((home, "data:", "blob:"))] == []

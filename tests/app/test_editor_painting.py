@@ -8,8 +8,8 @@ import pytest
 from dsfab.app.editor.workspace import OpenedPreset, open_preset
 from dsfab.core.errors import PresetError
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, COARSELY, serving
-from tests.app.test_editor_page import SEEN, place_of, solved, until
+from tests.app.editor_page import SEEN, place_of, solved, until
+from tests.app.editor_server import COARSE, COARSELY, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -116,7 +116,7 @@ def test_an_opening_is_painted(tab, server):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_a_ball_is_solid_and_drawn_as_such_without_anything_kept(tab):
+def test_a_painted_ball_is_solid_in_the_picture(tab):
     before = tab.run(SEEN)
     form(tab, "paint-do", "keep")
     tab.run("document.getElementById('paint-region').click()")
@@ -135,7 +135,7 @@ def test_a_ball_is_solid_and_drawn_as_such_without_anything_kept(tab):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_counts_vertices_is_told_by_places_where_regions_cut(tab):
+def test_picked_vertices_become_nearest_points_where_regions_cut_the_mesh(tab):
     tab.run("dsfab.state.set({'pattern.region': [{at: {pick: 'ball', center: [0, 0, 4], radius: 1}, do: 'keep'}]})")
     solved(tab)
     picked = tab.run("dsfab.picking.lasting({pick: 'vertices', indices: [1, 2]}, [1, 2])")

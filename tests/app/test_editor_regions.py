@@ -5,8 +5,8 @@ import pytest
 
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import COARSE, serving
-from tests.app.test_editor_page import READY, page_of, place_of, solved, type_into, until
+from tests.app.editor_page import READY, page_of, place_of, solved, type_into, until
+from tests.app.editor_server import COARSE, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 

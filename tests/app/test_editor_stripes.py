@@ -20,8 +20,8 @@ from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.design import draft
 from dsfab.preset.file import load_preset, with_overrides
-from tests.app.test_editor import COARSE, serving, unpacked, wait
-from tests.app.test_editor_page import READY, SEEN, seen_by_both, share_measured, solved, type_into, until
+from tests.app.editor_page import READY, SEEN, seen_by_both, share_measured, solved, type_into, until
+from tests.app.editor_server import COARSE, serving, unpacked, wait
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -57,7 +57,7 @@ def test_the_page_gets_the_chart_and_the_uncut_vertices(dome):
         np.testing.assert_array_equal(arrays[name], whole[name])
 
 
-def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
+def test_the_page_receives_the_widths_of_both_sides_of_a_line(dome):
     """Width over spacing here: d = lines per metre x width / 2 in the periods of each side, where no stripes touch."""
     facts, arrays = unpacked(pack_message(*pattern_widths(dome)))
     assert facts["method"] == "stripes"
@@ -71,7 +71,7 @@ def test_widths_are_those_of_the_rule_on_either_side_of_a_line(dome):
     assert not arrays["half"][dome.pattern.even.chart.scale == 0].any()
 
 
-def test_controls_say_which_method_takes_them(dome):
+def test_each_control_names_the_pattern_method_that_uses_its_key(dome):
     table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
     assert table["pattern.method"]["choices"] == ("modes", "stripes", "auto")
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
@@ -102,7 +102,7 @@ def test_a_family_that_is_not_drawn_has_no_width_in_the_page():
     assert arrays["half"][:, 1].max() > 0.05
 
 
-def test_what_the_page_saves_has_its_guides():
+def test_a_saved_preset_keeps_its_guides():
     """No control shows them: a change of anything else leaves them as the preset has them."""
     guides = [
         {"curve": [[0, 0, 4], [3, 1, 3]], "reach": 1.5, "weight": 3.0},
@@ -164,7 +164,7 @@ seen_in_a_page = pytest.mark.skipif(browser() is None, reason="no Chromium or Ch
 
 
 @seen_in_a_page
-def test_the_browser_sees_what_the_previewer_sees(page, dome):
+def test_the_browser_and_the_previewer_draw_the_same_stripes(page, dome):
     ours, theirs = seen_by_both(page, dome)
     assert alike(ours, theirs)
 
@@ -234,7 +234,7 @@ def test_only_the_server_knows_where_other_stripes_run(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_one_family_alone_is_seen_by_both(page):
+def test_the_browser_and_the_previewer_draw_the_same_single_family(page):
     """On modes in the same frame: the other one has no width; evenly spaced it is another pattern, which is made."""
     alone = {"pattern.families": "minor", "pattern.rotate": 15}
     page.run(f"dsfab.state.set({json.dumps(alone)})")
@@ -261,7 +261,7 @@ def test_one_family_alone_is_seen_by_both(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_each_method_shows_its_own_controls(page):
+def test_the_page_shows_the_controls_of_the_chosen_method(page):
     shown = "[...document.querySelectorAll('#groups .row label')].filter(e => e.offsetParent).map(e => e.htmlFor)"
     open_ = "document.querySelectorAll('#groups details').forEach(e => e.open = true)"
     page.run(open_)
@@ -289,7 +289,7 @@ def test_each_method_shows_its_own_controls(page):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
+def test_picking_returns_a_vertex_of_the_uncut_surface(page, dome):
     """The vertex next to a place, one of the free edge, and a ball, all counted on the surface that presets mean."""
     centre = np.array(page.run("dsfab.model.facts.centre"))
     V = dome.surface.V - centre
@@ -306,7 +306,7 @@ def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
 
 @seen_in_a_page
 @pytest.mark.slow
-def test_the_measured_share_is_the_wanted_one(page):
+def test_the_measured_share_is_the_requested_share(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
     assert with_overrides(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
 

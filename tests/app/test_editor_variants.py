@@ -8,8 +8,8 @@ from dsfab.app.editor.session import Session
 from dsfab.app.editor.workspace import KeptVariant, OpenedPreset, VariantTray, differences, open_preset
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.preset.file import load_preset, with_overrides
-from tests.app.test_editor import COARSE, COARSELY, serving
-from tests.app.test_editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_page import READY, SEEN, page_of, solved, until
+from tests.app.editor_server import COARSE, COARSELY, serving
 from tests.browser import browser
 from tests.presets import DOME_MODES
 
@@ -41,7 +41,7 @@ def test_variants_are_kept_in_order_and_named(opened):
             act(1)
 
 
-def test_what_is_no_variant_is_refused(opened, monkeypatch):
+def test_an_invalid_variant_is_refused(opened, monkeypatch):
     kept = VariantTray()
     with pytest.raises(PresetError, match="threshold"):
         kept.keep(KeptVariant("", opened, {"pattern.major.threshold": 7}))
@@ -54,7 +54,7 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
         kept.keep(KeptVariant("", opened, {}))
 
 
-def test_what_differs_is_told_by_its_keys():
+def test_variants_list_the_keys_in_which_they_differ():
     one = load_preset(DOME_MODES, COARSE)
     other = with_overrides(
         one, {**WIDE, "name": "other", "statics.thickness": 0.1, "surface.load": [{"kind": "self_weight"}]}

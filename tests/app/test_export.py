@@ -12,7 +12,7 @@ from dsfab.design import design as stages
 from dsfab.export import require_writable_file
 from dsfab.preset.file import load_preset
 from dsfab.study.check_model import uncut_model
-from tests.app.test_cli import refused, run
+from tests.app.command_line import refused, run
 from tests.calculix import ccx, needs_ccx, solved
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 
@@ -35,7 +35,7 @@ def header(path: Path) -> str:
         (["cantilever", *CANTILEVER, "--sheet", "cut"], 1e-3),
     ],
 )
-def test_the_file_runs_as_it_is_and_finds_what_its_header_says(arguments, within, capsys, tmp_path):
+def test_the_calculix_file_runs_and_gives_the_figures_of_its_header(arguments, within, capsys, tmp_path):
     path = tmp_path / "model.inp"
     code, said, _ = run(capsys, "export", *arguments, "--to", "calculix", "-o", str(path))
     assert code == 0
@@ -145,7 +145,7 @@ def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, caps
         ([DOME_MODES, *DOME, "--to", "calculix", "-o", "file/dome.inp"], "a file has the name of the folder"),
     ],
 )  # fmt: skip
-def test_mistakes_are_told_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
+def test_invalid_export_options_are_refused_in_one_sentence(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "empty").mkdir()
     (tmp_path / "file").write_text("a file")
@@ -215,7 +215,7 @@ COMMANDS = {
 
 
 @pytest.mark.parametrize("command", COMMANDS)
-def test_what_cannot_be_written_is_told_before_any_work(capsys, tmp_path, monkeypatch, command):
+def test_an_impossible_format_is_refused_before_any_work(capsys, tmp_path, monkeypatch, command):
     def worked(*_):
         raise AssertionError("it worked first")
 

@@ -77,7 +77,7 @@ def test_shapes_are_exaggerated_to_a_share_of_the_size(dome):
     assert f"{dome.statics.answers.buckling.factor[0]:.3g} x the load" in answer_colouring(dome, "buckling").words
 
 
-def test_what_was_not_asked_is_refused_in_a_sentence_or_asked_for(dome):
+def test_a_field_that_was_not_computed_is_refused_with_the_key_to_set(dome):
     plain = made()
     with pytest.raises(DsfabError, match="utilisation needs a strength"):
         answer_colouring(plain, "utilisation")
@@ -146,5 +146,5 @@ def test_directions_of_combined_cases_have_no_sign():
 @pytest.mark.parametrize(
     ("newtons", "told"), [(999.9, "1 kN"), (350.2, "350 N"), (1.234e6, "1.23 MN"), (0.25, "250 mN")]
 )
-def test_forces_have_three_digits_in_the_unit_that_they_round_to(newtons, told):
+def test_labels_of_forces_have_three_digits_and_a_fitting_unit(newtons, told):
     assert force_label(newtons) == told

@@ -50,7 +50,7 @@ sys.stdin.buffer.read()
 @pytest.mark.parametrize(
     "ask", [pytest.param(one, marks=[pytest.mark.slow] * (one in ("graded", "stripes"))) for one in SHARES]
 )
-def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
+def test_a_sketch_approximates_the_pattern_and_leaves_the_design_unchanged(ask):
     preset = load_preset(DOME_MODES, SHARES[ask])
     design = Design.from_preset(preset)
     sketch = design.sketch(modes=False)
@@ -67,7 +67,7 @@ def test_a_sketch_is_about_the_pattern_and_changes_nothing_of_it(ask):
     assert set(design.seconds) == set(calm.seconds)
 
 
-def test_what_better_elements_change_is_found_anew():
+def test_a_sketch_solves_the_statics_with_its_own_elements():
     design = Design.from_preset(load_preset(DOME_MODES, SHARES["answers"]))
     sketch = design.sketch()
     assert sketch.statics is not design.statics
@@ -105,7 +105,7 @@ def drawn_apart(monkeypatch):
     return lambda program: monkeypatch.setattr(first_picture, "PROGRAM", program)
 
 
-def test_it_is_there_before_the_true_one_and_says_what_can_draw(drawn_apart, tmp_path):
+def test_the_first_picture_appears_before_the_final_one(drawn_apart, tmp_path):
     drawn_apart(DRAWS)
     told, path = [], tmp_path / "a.png"
     with FirstPicture(lambda: told.append(path.read_bytes())) as first, first.restore_on_error():
@@ -162,7 +162,7 @@ print(code, "vtkmodules" in sys.modules, opengl._draws.cache_info().misses)
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.cpu_count() == 1, reason="one core draws last, in one process")
-def test_a_preview_loads_nothing_that_draws_and_looks_as_if_it_had(monkeypatch, tmp_path):
+def test_a_preview_in_a_separate_process_gives_the_same_picture(monkeypatch, tmp_path):
     sets = [word for key, value in STRIPES.items() for word in ("--set", f"{key}={value}")]
     asked = ["preview", DOME_MODES, *sets, "--size", "160x120", "--quiet", "-o"]
     command = [sys.executable, "-c", APART, *asked, str(tmp_path / "apart.png")]
@@ -174,7 +174,7 @@ def test_a_preview_loads_nothing_that_draws_and_looks_as_if_it_had(monkeypatch, 
 
 
 @pytest.mark.parametrize("before", [b"older", b"", None])
-def test_after_a_refusal_the_file_is_what_it_was(drawn_apart, tmp_path, before):
+def test_a_refused_preset_leaves_the_picture_file_unchanged(drawn_apart, tmp_path, before):
     drawn_apart(DRAWS)
     path = tmp_path / "a.png"
     if before is not None:
@@ -205,14 +205,14 @@ def test_a_process_that_cannot_draw_says_nothing(drawn_apart, monkeypatch, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
-def test_it_is_begun_before_anything_is_loaded():
+def test_the_preview_module_imports_neither_numpy_nor_pydantic():
     code = "import sys, dsfab.app.preview; print(*{'numpy', 'pydantic', 'dsfab.surface'} & {*sys.modules})"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
 
 
 @pytest.mark.slow
-def test_a_person_who_waits_sees_it_and_gets_the_same_picture_as_one_who_does_not(monkeypatch, tmp_path, capsys):
+def test_the_final_picture_is_the_same_with_and_without_a_first_picture(monkeypatch, tmp_path, capsys):
     asked = ["preview", DOME_MODES, "--set", "surface.edge=0.8", "--size", "320x240", "-o"]
     assert main([*asked, str(tmp_path / "calm.png")]) == 0
     monkeypatch.setattr(Reporter, "is_watched", True)
@@ -241,6 +241,6 @@ def test_a_person_who_waits_sees_it_and_gets_the_same_picture_as_one_who_does_no
         ("major_mode", {"solid_fraction": 0.4}, "first picture, major mode"),
     ],
 )
-def test_the_first_picture_says_how_far_it_can_be_trusted(show, width, said):
+def test_the_caption_of_the_first_picture_names_its_accuracy(show, width, said):
     preset = load_preset(DOME_MODES, {"pattern.width": width})
     assert _caption(SimpleNamespace(preset=preset, words=""), show) == f"dome_modes - {said}"

@@ -77,7 +77,7 @@ def asked(server, method, path, content=None, **headers):
         return response.status, response.read()
 
 
-def test_a_mesh_comes_back_as_it_was_sent():
+def test_a_mesh_survives_the_round_trip_through_json():
     V, F = mesh_arrays(mesh_json(VAULT.V, VAULT.F))
     assert np.array_equal(F, VAULT.F)
     assert np.abs(V - VAULT.V).max() < 1e-6
@@ -161,7 +161,7 @@ def returned(mesh, points, number, text):
     return mesh_json(*mesh), [dict(zip("XYZ", point, strict=True)) for point in points], number, text
 
 
-def test_a_preset_is_what_is_proposed_changed_by_what_is_connected():
+def test_connected_inputs_override_the_proposed_preset():
     more = [
         sent("snow", "System.Double", "1200"),
         sent("spacing", "System.Double", "900.0"),
@@ -206,14 +206,14 @@ def test_points_are_feet_in_the_unit_of_the_model():
         ([vault(), sent("share", "System.Double", "7")], "pattern.width.solid_fraction = 7"),
     ],
 )
-def test_what_cannot_be_is_one_sentence_on_the_component(values, told):
+def test_an_invalid_input_gives_one_sentence_on_the_component(values, told):
     done, text = solve_request("preview", body(*values))
     assert not done
     assert told in text
     assert "Traceback" not in text
 
 
-def test_a_request_of_something_else_is_told():
+def test_a_malformed_request_is_refused():
     with pytest.raises(HopsError, match="not a request of Hops"):
         read_request(COMPONENTS["preview"], {"values": [1]})
     with pytest.raises(HopsError, match="the unit of the model is parsecs"):
@@ -269,7 +269,7 @@ def test_the_server_lists_describes_and_turns_pages_away():
 
 
 @pytest.mark.slow
-def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
+def test_the_hops_server_solves_requests_and_ends_slow_ones():
     with serving() as server:
         wide = "surface.edge = 0.5\npattern.major.spacing = 1.6\npattern.minor.spacing = 1.6"
         lines = f"statics.material = 'S235'\nworkshop.thickness = 0.002\n{wide}"
@@ -299,7 +299,7 @@ def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
         assert asked(server, "POST", "/preview", body(vault(), more))[0] == 200  # and it lives on
 
 
-def test_without_its_library_it_says_what_to_install(monkeypatch, capsys):
+def test_without_rhino3dm_the_command_names_the_package_to_install(monkeypatch, capsys):
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     assert main(["hops"]) == 1
     assert 'geometry of Grasshopper needs the library rhino3dm; install it with: pip install "dsfab[rhino]"' in (

@@ -59,7 +59,7 @@ def near(image: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(above - np.array(colour)).max(axis=2) < 30).sum())
 
 
-def box(mask: np.ndarray) -> tuple[int, int, int, int]:
+def mask_extent(mask: np.ndarray) -> tuple[int, int, int, int]:
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
 
@@ -84,11 +84,11 @@ def _moved(solid: tuple[np.ndarray, np.ndarray], far: float) -> tuple[np.ndarray
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_a_structure_is_whole_on_the_page_and_fills_it(name: str) -> None:
+def test_a_structure_fills_the_picture_and_is_not_clipped(name: str) -> None:
     image = picture(*SHAPES[name](), look=Look(SIZE))
     assert image.shape == (240, 320, 3)
     assert image.dtype == np.uint8
-    top, bottom, left, right = box(members(image))
+    top, bottom, left, right = mask_extent(members(image))
     assert top > 0
     assert left > 0
     assert right < 319
@@ -110,7 +110,7 @@ def test_a_scale_of_colours_lies_below_the_structure(name: str) -> None:
 
 def test_a_ball_is_lit_from_the_upper_left() -> None:
     image = picture(*SHAPES["sphere of 20 mm"](), look=Look(SIZE))
-    top, bottom, left, right = box(members(image))
+    top, bottom, left, right = mask_extent(members(image))
     across, down = (right - left) // 4, (bottom - top) // 4
     lit = image[top + down : top + 2 * down, left + across : left + 2 * across].mean()
     dark = image[bottom - 2 * down : bottom - down, right - 2 * across : right - across].mean()
@@ -128,7 +128,7 @@ def test_the_paper_is_light_and_a_shadow_lies_under_a_dome() -> None:
     assert binary_erosion(grey[: int(0.84 * 240)]).sum() > 100  # more than the smooth edges of dark members
 
 
-def test_loads_and_supports_are_drawn_in_their_colours_only_when_given() -> None:
+def test_loads_and_supports_appear_in_their_colours_on_request() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.8)
     V, F = thick(surface)
     load = weighed(surface, low(surface))
@@ -146,7 +146,7 @@ def test_a_load_on_held_vertices_only_is_not_drawn() -> None:
     assert len(vertices) == len(faces) == 0
 
 
-def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
+def test_a_few_arrows_stand_for_the_sum_of_hundreds_of_loads() -> None:
     surface = dome(span=12.0, rise=4.0, oculus=0.0, edge=0.3)
     load = weighed(surface, low(surface))
     free = ~load.supported
@@ -161,7 +161,7 @@ def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
 
 
 @pytest.mark.parametrize("turned", [False, True])
-def test_an_arrow_that_presses_ends_on_the_skin_and_one_that_pulls_begins_there(turned: bool) -> None:
+def test_a_pressing_arrow_ends_on_the_skin_and_a_pulling_arrow_begins_on_it(turned: bool) -> None:
     """Above the sheet, also if its faces look down, as those of files may: arrows hung under a stadium's roof."""
     surface = plate(length=2.0, width=1.0, edge=0.1)
     surface = Surface(surface.V, surface.F[:, ::-1]) if turned else surface
@@ -196,7 +196,7 @@ def test_a_person_is_1_75_metres_tall() -> None:
     assert F.max() < len(V)
 
 
-def test_a_tree_stands_on_its_foot_as_tall_as_it_is_said_to_be() -> None:
+def test_a_drawn_tree_has_the_asked_height_and_stands_on_its_foot() -> None:
     """And keeps left of the structure, which a person would stand right of."""
     V, F = tree(np.array([3.0, 2.0, 1.0]), Y, 6.0)
     assert (V[:, 1].min(), V[:, 1].max()) == pytest.approx((2.0, 8.0))
@@ -227,14 +227,14 @@ def test_a_person_stands_beside_a_roof_whose_supports_are_drawn_taller() -> None
 
 
 @pytest.mark.parametrize(("radius", "drawn"), [(0.3, False), (2.0, True)])
-def test_a_person_stands_beside_what_has_the_size_of_a_building(radius: float, drawn: bool) -> None:
+def test_a_person_is_drawn_beside_structures_of_building_size(radius: float, drawn: bool) -> None:
     solid = thick(sphere(radius=radius, edge=radius / 5), radius / 20)
     violet = replace(PAPER, person=(140, 40, 220))
     image = picture(*solid, look=Look(SIZE, palette=violet)).astype(int)
     assert ((image[:, :, 2] - image[:, :, 1] > 80).sum() > 100) == drawn
 
 
-def test_up_is_z_unless_the_loads_say_that_it_is_y() -> None:
+def test_the_up_axis_is_z_unless_the_weight_acts_along_y() -> None:
     ball = sphere(radius=1.0, edge=0.3)
     np.testing.assert_array_equal(up_axis(ball.V, None, None), Z)
     np.testing.assert_array_equal(up_axis(ball.V, ball, weighed(ball, low(ball))), Z)
@@ -262,7 +262,7 @@ def test_a_plate_loaded_in_its_plane_is_seen_face_on_and_a_dome_from_above() -> 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
 @given(st.integers(0, 10_000), st.floats(1e-3, 1e3), st.floats(0.5, 2.0))
-def test_any_cloud_of_points_fills_the_box_it_is_framed_in(seed: int, scale: float, aspect: float) -> None:
+def test_a_framed_cloud_of_points_fills_its_box(seed: int, scale: float, aspect: float) -> None:
     random = np.random.default_rng(seed)
     points = scale * (random.normal(size=(50, 3)) * random.uniform(0.2, 1, 3) + random.normal(size=3))
     wanted = (-0.8 * aspect, 0.8 * aspect, -0.7, 0.9)
@@ -300,7 +300,7 @@ def test_backs_are_left_away_only_of_a_closed_skin_that_faces_outward() -> None:
     assert encloses == [True, False, False]
 
 
-def test_the_scene_sees_a_ball_where_geometry_says_it_is() -> None:
+def test_the_drawn_outline_and_depth_of_a_ball_agree_with_geometry() -> None:
     """Depth of the nearest point = distance - radius; outline = tan(asin(r / d)) of the half angle."""
     opengl.require_rendering()
     ball = sphere(radius=1.0, edge=0.05)
@@ -431,7 +431,7 @@ def asked_anew(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
 
 
 @pytest.mark.parametrize("crash", ["import os; os.abort()", "raise SystemExit(3)"])
-def test_a_machine_that_cannot_draw_is_told_what_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
+def test_a_machine_without_opengl_names_the_packages_to_install(asked_anew: pytest.MonkeyPatch, crash: str) -> None:
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", crash])
     with pytest.raises(DsfabError, match="libegl1 and libgl1-mesa-dri") as caught:
@@ -452,9 +452,7 @@ def test_a_probe_that_hangs_or_cannot_start_is_a_failure(asked_anew: pytest.Monk
         opengl.require_rendering()
 
 
-def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
-    asked_anew: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_windows_are_tried_once_and_the_working_window_is_kept(asked_anew: pytest.MonkeyPatch, tmp_path: Path) -> None:
     import os
 
     log = tmp_path / "asked"

@@ -46,13 +46,13 @@ def test_no_name_stands_on_another_and_all_are_on_the_page(places):
     assert over.max() <= 0
 
 
-def test_a_place_that_is_seen_comes_before_one_that_is_hidden():
+def test_a_nameplate_prefers_a_visible_place():
     plate = Nameplate("A01", (0, 0, 0), np.array([[100.0, 100.0], [300.0, 200.0]]), np.array([False, True]))
     (placed,) = place_names([plate], (400, 300), 12.0)
     assert placed.anchor.tolist() == placed.middle.tolist() == [300, 200]
 
 
-def test_a_name_beside_its_member_has_a_line_to_it():
+def test_a_nameplate_beside_its_member_has_a_leader_line():
     white = Image.new("RGB", (200, 200), (255, 255, 255))
     plates = [
         Nameplate(text, (200, 0, 0), np.array([[100.0, 100.0]]), np.ones(1, dtype=bool)) for text in ("A01", "A02")
@@ -72,7 +72,7 @@ def test_families_have_their_colours_and_the_caption_counts(vault):
     assert (blue - red > 40).sum() > 2000  # arches
 
 
-def test_every_member_has_a_plate_with_places_on_it(vault):
+def test_each_member_has_a_nameplate_with_visible_places(vault):
     from dsfab.render.drawing import Annotations, set_stage
     from dsfab.render.scene import Body
     from dsfab.render.view import named_side
@@ -90,7 +90,7 @@ def test_every_member_has_a_plate_with_places_on_it(vault):
         assert ((plate.places > 0) & (plate.places < SIZE)).all()
 
 
-def test_preview_writes_it_and_says_that_it_comes_alone(tmp_path, capsys):
+def test_preview_writes_the_picture_of_members_without_a_second_picture(tmp_path, capsys):
     words = ["--show", "members", "--size", "320x240", "-o"]
     assert main(["preview", "barrel_vault", "--set", "surface.edge=0.5", *words, str(tmp_path / "a.png")]) == 0
     with Image.open(tmp_path / "a.png") as picture:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from vtkmodules.util.numpy_support import vtk_to_numpy
 
 from dsfab.app import bench_preview
 from dsfab.core.errors import DsfabError, PatternError, PresetError
@@ -14,40 +15,18 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import scene as scene_module
 from dsfab.render import shader
 from dsfab.render.colouring import band_limit, diverging_colours, stress_label
-from dsfab.render.drawing import page_view
 from dsfab.render.light import QUICK
 from dsfab.render.marks import reaction_arrows
 from dsfab.render.previewer import TRIAL_SIZE, Previewer
-from dsfab.render.scene import Body, Scene, _numbers
+from dsfab.render.scene import Body
 from dsfab.render.view import named_side
-from dsfab.slicing import cut
-from dsfab.surface import Surface
+from tests.app.preview_pictures import MOST, SIZE, difference, exact
 from tests.presets import DOME_MODES, GLOBE_MODES
-
-SIZE = (480, 360)
-MOST = 1e-3
-"""Share of the silhouette's pixels that may differ."""
 
 
 @pytest.fixture(scope="module")
 def dome() -> Design:
     return draft(load_preset(DOME_MODES, {"surface.edge": 0.5, "pattern.width": {}}))
-
-
-def exact(previewer: Previewer, surface: Surface) -> np.ndarray:
-    """Where a surface without any shader is seen by the previewer's eye."""
-    stage = previewer._stage
-    body = Body(surface.V, surface.F, np.zeros(3, dtype=np.uint8), casts=True)
-    with Scene([body], stage.centre, stage.radius) as scene:
-        return scene.mask(page_view(stage.bodies, previewer._side, SIZE), *SIZE)
-
-
-def difference(made: Design, previewer: Previewer) -> float:
-    """Share of the silhouette's pixels in which the shader and the exact cut of a draft differ."""
-    sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, snap=0.0).subset()
-    there = exact(previewer, sheet.surface)
-    assert 0.02 < there.mean() < 0.9
-    return float((previewer.mask(SIZE) != there).sum() / there.sum())
 
 
 RULES = {
@@ -60,7 +39,7 @@ RULES = {
 
 
 @pytest.mark.parametrize("rule", RULES)
-def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
+def test_the_shader_agrees_with_the_exact_cut(dome: Design, rule: str) -> None:
     made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     with Previewer(made, marks=False) as previewer:
         assert difference(made, previewer) < MOST
@@ -99,7 +78,7 @@ CHANGES = [
 
 
 @pytest.mark.slow
-def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
+def test_a_changed_previewer_draws_the_same_picture_as_a_new_one(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         actors = list(previewer._scene.actors)
@@ -139,7 +118,7 @@ def test_threshold_one_is_empty_and_minus_one_is_the_whole_silhouette(dome: Desi
             previewer.picture(SIZE)
 
 
-def test_that_there_is_no_material_is_seen_by_the_lamps_beside_marks(
+def test_a_design_without_material_shows_an_empty_picture_beside_marks(
     dome: Design, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Without a frame of its own."""
@@ -210,7 +189,7 @@ def test_a_picture_is_the_same_twice_and_changes_with_the_pattern(dome: Design) 
 def test_stress_is_coloured_by_sign_and_again_for_other_loads(dome: Design) -> None:
     with Previewer(dome, show="stress", marks=False) as previewer:
         part = previewer._shader._parts[0]["mesh"]
-        before = _numbers(part.GetCellData().GetArray("colour")).copy()
+        before = vtk_to_numpy(part.GetCellData().GetArray("colour")).copy()
         blue = before[:, 2].astype(int) > before[:, 0]
         assert blue[dome.diffusion.tensors.principal.max(axis=1) < 0].mean() > 0.9  # pressed both ways
         limit = previewer._bar.limit
@@ -273,7 +252,7 @@ def test_an_unknown_view_is_refused(dome: Design, name: str) -> None:
         Previewer(dome, view=name)
 
 
-def test_an_unknown_thing_to_show_is_refused(dome: Design) -> None:
+def test_an_unknown_picture_name_is_refused(dome: Design) -> None:
     with pytest.raises(DsfabError, match="'beauty' is not known; use one of structure, stress"):
         Previewer(dome, show="beauty")
 
@@ -305,7 +284,7 @@ NEEDS = {
 
 
 @pytest.mark.parametrize("name", NEEDS)
-def test_fragments_get_what_the_pattern_reads_at_the_vertices_and_no_uniform(name: str) -> None:
+def test_the_shader_receives_only_the_fields_that_the_pattern_reads(name: str) -> None:
     """Software rendering pays for each number per triangle and for each uniform per pixel."""
     settings, fields = NEEDS[name]
     stripes = shader.StripeShader(np.zeros((3, 6)))
@@ -341,8 +320,8 @@ def test_corners_that_are_split_take_their_values_along() -> None:
     body = Body(V, F, np.zeros(3, dtype=np.uint8), casts=True, shader=stripes)
     with scene_module.Scene([body], np.zeros(3), 1.0):
         mesh = stripes._parts[0]["mesh"]
-        points = _numbers(mesh.GetPoints().GetData())
-        given = [_numbers(mesh.GetPointData().GetArray(name)) for name in shader.FIELDS]
+        points = vtk_to_numpy(mesh.GetPoints().GetData())
+        given = [vtk_to_numpy(mesh.GetPointData().GetArray(name)) for name in shader.FIELDS]
         assert len(points) == 24
         assert np.allclose(np.hstack(given), np.hstack([points, points]))
 
@@ -411,7 +390,7 @@ def test_banded_colours_are_steps_from_end_to_end() -> None:
     assert not (steps[199] == steps[200]).all()  # tension and compression do not share a band
 
 
-def test_reactions_push_where_they_push(dome: Design) -> None:
+def test_arrows_of_reactions_act_at_the_supports(dome: Design) -> None:
     surface, load = dome.surface, dome.load
     reaction = dome.statics.equilibrium.reaction
     V, F = reaction_arrows(surface, load, reaction, 10.0)
@@ -423,7 +402,7 @@ def test_reactions_push_where_they_push(dome: Design) -> None:
     assert len(reaction_arrows(surface, load, 0 * reaction, 10.0)[1]) == 0
 
 
-def test_frame_rates_name_what_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_bench_of_frame_rates_names_the_renderer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bench_preview, "SECONDS", 0.0)
     monkeypatch.setattr(bench_preview, "PIXELS", (160, 120))
     row = bench_preview.measure(2_000)

@@ -15,7 +15,7 @@ from dsfab.render.design_picture import structure_picture
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, needs_only_settings
-from tests.app.test_previewer import MOST, SIZE, difference, exact
+from tests.app.preview_pictures import MOST, SIZE, difference, exact
 from tests.presets import DOME_MODES, GLOBE_MODES
 
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
@@ -45,7 +45,7 @@ RULES = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
-def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
+def test_the_shader_of_stripes_agrees_with_the_exact_cut(dome: Design, rule: str) -> None:
     made = draft(with_overrides(dome.preset, RULES[rule]), earlier=dome)
     assert made.pattern.even
     assert len(set(made.pattern.even.chart.scale.ravel())) > 2 or rule == "not halved"  # some are halved
@@ -74,7 +74,7 @@ CHANGES = [
 
 
 @pytest.mark.slow
-def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
+def test_a_changed_previewer_draws_the_same_stripes_as_a_new_one(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:
         for changes in CHANGES:
@@ -111,7 +111,7 @@ def words(path: Path, *more: str) -> list[str]:
 
 
 @pytest.mark.slow
-def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_be(
+def test_preview_shows_the_built_design_or_the_uncut_design_if_no_cut_is_possible(
     dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
@@ -154,7 +154,7 @@ def test_light_shows_no_seam(globe: Design) -> None:
     assert np.linalg.norm(mesh.normals, axis=1) == pytest.approx(1)
 
 
-def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
+def test_division_of_faces_does_not_change_the_lighting(dome: Design) -> None:
     """The picture of normals, bytes, is that of the uncut surface but for rounding."""
     seen = []
     for made in (dome, draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))):
@@ -167,7 +167,7 @@ def test_the_whole_sheet_is_lit_as_if_it_were_not_divided(dome: Design) -> None:
     assert np.percentile(np.abs(one - two)[both], 99.9) <= 1
 
 
-def test_what_is_on_no_mode_shows_none(dome: Design) -> None:
+def test_a_design_without_modes_refuses_to_show_a_mode(dome: Design) -> None:
     with pytest.raises(DsfabError, match="run along no mode"):
         Previewer(dome, show="major_mode")
     assert "major_mode" not in picture_names("all", dome.preset)

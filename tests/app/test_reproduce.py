@@ -33,7 +33,7 @@ from dsfab.results import Piece
 from dsfab.study.baselines.structures import mode_like_field
 from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 pytestmark = pytest.mark.slow
 
@@ -132,7 +132,7 @@ def test_the_rows_are_those_of_the_papers_tables(folder, name):
 
 
 @pytest.mark.parametrize("name", TWO)
-def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command(folder, name):
+def test_the_page_shows_each_figure_in_three_renditions_with_measures_and_commands(folder, name):
     page = Page(folder)
     measured = page.sections[name][1:4]
     assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
@@ -147,7 +147,7 @@ def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command
         assert (folder / f"{name}-{way}-structure.webp").is_file()
 
 
-def test_pictures_differ_and_are_all_there(folder):
+def test_all_pictures_exist_and_differ(folder):
     seen = set()
     for path in sorted(folder.glob("*.webp")):
         with Image.open(path) as image:
@@ -159,7 +159,7 @@ def test_pictures_differ_and_are_all_there(folder):
     assert len(seen) >= len(list(folder.glob("*.webp"))) - 4
 
 
-def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkeypatch):
+def test_a_mesh_that_is_too_coarse_is_refined_and_reported(tmp_path, monkeypatch):
     """No edge over 0.1 m is taken: 0.19 m becomes 0.8 of it, three times."""
 
     def fussy(preset, *arguments, **others):
@@ -182,7 +182,7 @@ def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkey
 
 
 @pytest.mark.slow
-def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
+def test_a_failed_figure_is_reported_in_its_section_and_old_files_are_removed(tmp_path, capsys, monkeypatch):
     def failing(preset, *arguments, **others):
         if preset.name == "sphere":
             raise DsfabError("the sphere <rolled> away")
@@ -222,7 +222,7 @@ def test_a_mistake_is_refused_in_one_sentence(tmp_path, capsys, arguments, told)
     assert not (tmp_path / "no").exists()
 
 
-def test_how_loads_reach_the_supports():
+def test_the_page_describes_the_pieces_between_loads_and_supports():
     whole, loose, bare = Piece(1.0, True, True), Piece(0.5, False, True), Piece(0.2, True, False)
     assert _supports_text([whole, bare]) == "the loads reach the supports through one piece"
     assert _supports_text([whole, whole]) == "the loads reach the supports through 2 pieces"
@@ -321,7 +321,7 @@ def test_gradient_arrows_lie_along_the_gradient_on_the_side_that_is_seen(degrees
     assert [len(part) for part in gradient_arrows(surface, 0 * gradient, 1.0, 0.01, eye)] == [0, 0]
 
 
-def test_the_gradient_of_a_mode_is_exact_where_it_is_linear():
+def test_the_gradient_of_a_linear_mode_is_exact():
     surface = grid(6, 4, 3.0, 2.0)
     value = surface.V @ [2.0, -3.0, 0.0]
     family = SimpleNamespace(mode=lambda number: number * value)
@@ -365,7 +365,7 @@ def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_p
 OUTPUTS = Path(__file__).parents[2] / "docs" / "paper"
 
 
-def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
+def test_the_recorded_comparison_on_the_sphere_passes_with_its_winner():
     """At all shares tuned modes are stiffer than the best isotropic ones, at half of the material more than five times,
     and Table 1's row is softer; all verdicts pass."""
     rows = json.loads((OUTPUTS / "sphere_volumes.json").read_text())["competitors"]
@@ -384,7 +384,7 @@ def test_the_recorded_comparison_on_the_sphere_passes_and_tells_who_wins():
     assert max(masses) / min(masses) < 1.002
 
 
-def test_stiffness_is_told_with_the_bounds_of_both():
+def test_the_ratio_of_stiffness_has_the_bounds_of_both_values():
     """2 J +- 10 % over 1 J +- 5 %: 2, at least 1.8 / 1.05, at most 2.2 / .95."""
     own, rival = {"compliance_J": 1.0, "bound": 0.05}, {"compliance_J": 2.0, "bound": 0.1}
     assert stiffness_ratio(own, rival) == pytest.approx((2.0, 1.8 / 1.05, 2.2 / 0.95))
@@ -398,7 +398,7 @@ def claim(*values):
     return [{"volume": 0.5, "reason": "why", "error": "", **dict(zip(keys, one, strict=True))} for one in values]
 
 
-def test_the_claim_is_told_whoever_wins_and_what_is_not_known_is_said():
+def test_the_claim_section_names_the_winner_and_unknown_results():
     design, row = ("design", 0.004, 0.01, "pass"), ("row", None, None, "fail")
     text = claim_section(claim(design, row, ("isotropic", 0.02, 0.08, "unknown"), ("thinner", 0.00404, 0.01, "pass")))
     assert "Tuned modes and phases, graded widths against the best isotropic stripes: 5 times as stiff at 50%." in text

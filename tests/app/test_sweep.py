@@ -22,7 +22,7 @@ from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.sweeps.workers import Outcome
 from tests.presets import DOME_MODES
-from tests.study.test_sweep_folder import Hands, deadly
+from tests.study.sweep_folders import Hands, deadly
 
 COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0", "--set", "pattern.width={}")
 PHASES = ("--vary", "pattern.major.phase=0.0:0.6:4")
@@ -85,7 +85,7 @@ def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
     assert results[0] == results[1]
 
 
-def test_quiet_says_nothing(here, capsys):
+def test_a_quiet_sweep_prints_nothing(here, capsys):
     assert run(capsys, DOME_MODES, *COARSE, *PHASES, *CHEAP, "-q") == (0, "", "")
 
 
@@ -99,7 +99,7 @@ def test_the_folder_goes_on_and_can_be_extended(here, capsys):
     assert "leave out -o" in refused(capsys, "s", "-o", "t")
 
 
-def test_runs_that_are_missing_are_told_and_exit_with_3(here, capsys, monkeypatch):
+def test_missing_runs_are_listed_and_give_exit_code_3(here, capsys, monkeypatch):
     def crew(fate):
         return lambda found, draw, workers, scheduler: Hands(found.job(draw), count=1, fate=fate)
 
@@ -147,7 +147,7 @@ def test_pictures_contact_sheet_and_page(here, capsys):
         assert [line["img"] for line in csv.DictReader(file)] == ["pictures/00001.png", ""]
 
 
-def test_designs_of_one_surface_are_drawn_at_one_place():
+def test_pictures_of_designs_on_one_surface_share_the_camera():
     """A fuller design covers what a leaner one covers: the camera stands still."""
     import io
 
@@ -238,12 +238,12 @@ def test_questions_that_a_sweep_cannot_answer(here, capsys):
         ("a.b,c.d=1,2;5,3", {}, [{"a.b": [1, 2], "c.d": [5, 3]}]),
     ],
 )
-def test_what_vary_means(text, vary, linked):
+def test_vary_reads_ranges_lists_and_linked_keys(text, vary, linked):
     assert vary_tables([text]) == (vary, linked)
 
 
 @pytest.mark.parametrize("text", ["a.b", "a.b=", "=1", "a.b=1:2:3:4", "a.b=x:y", "a,b=1,2", "a,b=1;2;3"])
-def test_what_vary_cannot_mean(text):
+def test_vary_refuses_malformed_texts(text):
     with pytest.raises(DsfabError, match="--vary"):
         vary_tables([text])
 

@@ -11,7 +11,7 @@ from dsfab.report.sweep_pages import sweep_page
 from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.runs import RunRow
-from tests.app.test_editor_page import until
+from tests.app.editor_page import until
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 
@@ -94,7 +94,7 @@ def tab(tmp_path_factory):
         yield one
 
 
-def box(tab, name: str) -> dict[str, float]:
+def page_box(tab, name: str) -> dict[str, float]:
     return tab.run(f"JSON.parse(JSON.stringify(document.getElementById('{name}').getBoundingClientRect()))")
 
 
@@ -103,7 +103,7 @@ def shown(tab) -> int:
 
 
 @needs_browser
-def test_it_begins_with_the_best_and_shows_what_failed(tab):
+def test_the_page_selects_the_best_run_and_counts_failed_runs(tab):
     assert tab.run("document.getElementById('title').textContent") == "dome_modes"
     line = tab.run("document.getElementById('line').textContent")
     assert line == "5000 runs: 4900 done, 100 failed; 4400 meet pieces == 1"
@@ -124,7 +124,7 @@ def test_only_rows_that_are_seen_are_in_the_table(tab):
 
 @needs_browser
 def test_brushing_an_axis_selects(tab):
-    parallel = box(tab, "parallel")
+    parallel = page_box(tab, "parallel")
     x, top, bottom = tab.run("[layout.x[0], layout.top, layout.bottom]")
     left, up = parallel["left"] + x, parallel["top"]
     tab.drag(left, up + bottom, up + (top + bottom) / 2)  # the lower half of the frequencies
@@ -139,8 +139,8 @@ def test_brushing_an_axis_selects(tab):
 
 
 @needs_browser
-def test_runs_that_failed_cannot_be_brushed_by_what_they_lack(tab):
-    parallel = box(tab, "parallel")
+def test_brushing_a_metric_hides_failed_runs_without_this_metric(tab):
+    parallel = page_box(tab, "parallel")
     i = tab.run("axes.findIndex((one) => one.name === 'compliance')")
     x, top, bottom = tab.run(f"[layout.x[{i}], layout.top, layout.bottom]")
     tab.drag(parallel["left"] + x, parallel["top"] + top - 3, parallel["top"] + bottom + 2)
@@ -188,7 +188,7 @@ def test_clicking_a_row_shows_the_design_its_parameters_and_its_command(tab):
 
 @needs_browser
 def test_clicking_a_point_of_the_scatter(tab):
-    place, (x, y) = box(tab, "scatter"), tab.run("dots.find((dot) => dot[2].number === 9).slice(0, 2)")
+    place, (x, y) = page_box(tab, "scatter"), tab.run("dots.find((dot) => dot[2].number === 9).slice(0, 2)")
     tab.click(place["left"] + x, place["top"] + y)
     assert tab.run("document.querySelector('#detail h2').textContent") == "Run 9"
     assert "Pareto front" in tab.run("document.querySelector('#detail .note').textContent")
@@ -213,6 +213,6 @@ def test_a_failed_run_shows_its_reason_as_text(tab):
 
 
 @needs_browser
-def test_nothing_was_asked_of_a_network_and_nothing_went_wrong(tab):
+def test_the_page_makes_no_network_request_and_no_error(tab):
     assert [url for url in tab.requests if not url.startswith(("file:", "data:"))] == []
     assert [error for error in tab.errors if "ERR_FILE_NOT_FOUND" not in error] == []

@@ -19,7 +19,7 @@ AHEAD = View(
 
 
 @pytest.fixture(scope="module")
-def plate():
+def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.08, "statics.thickness": 0.01}))
 
 
@@ -27,7 +27,7 @@ def count(picture: np.ndarray, colour: tuple[int, int, int]) -> int:
     return int((np.abs(picture[..., :3].astype(int) - colour).max(axis=2) < 24).sum())
 
 
-def test_a_ring_is_drawn_where_its_place_is_seen():
+def test_a_callout_ring_is_drawn_at_the_projected_place():
     """At distance 5 the upper edge of the page is 1 m above its middle."""
     white = Image.new("RGB", (400, 400), (255, 255, 255))
     place = np.array([0.5, -0.25, 0.0])
@@ -51,8 +51,8 @@ def test_lines_do_not_cross():
         assert abs(columns.mean() - (80 + 120 * k)) < 20
 
 
-def test_what_is_marked_is_what_was_measured(plate):
-    made = fabrication(plate)
+def test_the_callouts_mark_the_measured_places(cantilever):
+    made = fabrication(cantilever)
     found = {one.lines[0].rsplit(" ", 3)[-3]: one for one in callouts(made, PAPER)}
     assert set(found) == {"member", "gap", "edge", "wall"}
     assert np.array_equal(found["member"].place, made.features.member.place)
@@ -60,22 +60,22 @@ def test_what_is_marked_is_what_was_measured(plate):
     assert {one.colour for one in found.values()} == {PAPER.text}
 
 
-def test_missed_limits_are_red_in_words_too(plate):
+def test_missed_limits_are_red_in_words_too(cantilever):
     limits = {"fabrication.min_member": 0.5, "fabrication.min_wall": 0.009, "fabrication.bed": [3, 3, 3]}
-    limited = dsfab.revise(plate, with_overrides(plate.preset, limits))
+    limited = dsfab.revise(cantilever, with_overrides(cantilever.preset, limits))
     made = fabrication(limited)
     lines = {one.lines[0].split()[1]: (one.lines[1], one.colour) for one in callouts(made, PAPER)}
     assert lines["member"] == ("at least 500 mm: fail", PAPER.tension)
     assert lines["wall"] == ("at least 9 mm: pass", PAPER.load)
-    pictures = [workshop_picture(d, fabrication(d), size=SIZE) for d in (plate, limited)]
+    pictures = [workshop_picture(d, fabrication(d), size=SIZE) for d in (cantilever, limited)]
     assert count(pictures[0], PAPER.tension) == 0
     assert count(pictures[1], PAPER.tension) > 20
-    clear = workshop_picture(plate, fabrication(plate), size=SIZE, ground="transparent")
+    clear = workshop_picture(cantilever, fabrication(cantilever), size=SIZE, ground="transparent")
     assert clear.shape == (240, 320, 4)
     assert clear[120, 2, 3] == 0
 
 
-def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
+def test_preview_shows_fabrication_and_explains_a_refusal(capsys, tmp_path):
     words = ["preview", "cantilever", "--set", "surface.edge=0.08", "--size", "320x240", "-o"]
     assert main([*words, str(tmp_path / "a.png"), "--show", "fabrication"]) == 0
     with Image.open(tmp_path / "a.png") as picture:
@@ -86,7 +86,7 @@ def test_preview_shows_it_and_explains_what_it_cannot(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, tmp_path, monkeypatch):
+def test_the_preview_of_a_built_folder_goes_into_it_without_new_computation(capsys, tmp_path, monkeypatch):
     folder = tmp_path / "out"
     assert (
         main(["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]) == 0
@@ -106,7 +106,7 @@ def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, t
 
 
 @pytest.mark.slow
-def test_build_and_inspect_draw_it_when_asked(capsys, tmp_path):
+def test_build_and_inspect_draw_the_marked_picture_on_request(capsys, tmp_path):
     folder = tmp_path / "out"
     words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "--marked"]
     assert main([*words, "-o", str(folder)]) == 0

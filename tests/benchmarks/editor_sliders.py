@@ -14,7 +14,7 @@ from pathlib import Path
 
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.preset.file import load_preset
-from tests.app.test_editor import serving
+from tests.app.editor_server import serving
 from tests.browser import opened
 from tests.presets import DOME_MODES
 

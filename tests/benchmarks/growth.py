@@ -17,7 +17,7 @@ import numpy as np
 
 from dsfab.slicing import cut
 from tests.benchmarks.common import sizes
-from tests.zoo import lifted
+from tests.shapes import lifted
 
 PER_FACE, FACES_ACROSS = 1.86, 5.6
 """Triangles of the result for each face, with this many faces along the edge of the mesh for each stripe: measured."""

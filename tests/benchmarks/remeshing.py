@@ -29,7 +29,7 @@ from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
 from tests.meshes import FOLDER
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 BOUNDS = {"angle": 20.0, "boundary": 0.02, "crease": 0.02, "line": 0.02, "vertices": 0.01, "plan": 1.0, "elsewhere": 0}
 

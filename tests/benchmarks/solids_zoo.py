@@ -22,8 +22,8 @@ from dsfab.core.units import MM_PER_M
 from dsfab.surface import Surface
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.meshes import mesh_file
-from tests.thickening.test_thickening import made, real
-from tests.thickening.test_zoo import MESHES, SHAPE_OF, SHAPES
+from tests.thickening.solid_zoo import MESHES, SHAPE_OF, SHAPES
+from tests.thickening.thick_solids import made, real
 
 SHARES = (0.01, 0.02, 0.05)
 

@@ -9,14 +9,14 @@ from dsfab.core import limits
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import BALANCE, RESIDUAL, worst_status
 from dsfab.report.compliance.findings import Findings
-from dsfab.statics.solve import _require_solved
-from tests.test_architecture import modules, nodes
-from tests.zoo import grid
+from dsfab.statics.solve import require_solved
+from tests.shapes import grid
+from tests.source import modules, nodes
 
 
 def accepted(imbalance: float, residual: float) -> bool:
     try:
-        _require_solved(grid(2, 2, 1.0, 1.0), imbalance, residual)
+        require_solved(grid(2, 2, 1.0, 1.0), imbalance, residual)
     except StaticsError:
         return False
     return True
@@ -24,7 +24,7 @@ def accepted(imbalance: float, residual: float) -> bool:
 
 @pytest.mark.parametrize("off", [0.5, 1.0, 1.5])
 @pytest.mark.parametrize(("imbalance", "residual"), [(BALANCE, 0.0), (0.0, RESIDUAL), (BALANCE, RESIDUAL)])
-def test_the_report_passes_what_the_solver_accepts(imbalance, residual, off):
+def test_report_and_solver_accept_the_same_residuals(imbalance, residual, off):
     case = SimpleNamespace(imbalance=off * imbalance, residual=off * residual)
     found = SimpleNamespace(judgement=SimpleNamespace(cases={"load": case}, check=None))
     assert (Findings._balance_check(found).status == "pass") == accepted(case.imbalance, case.residual) == (off <= 1)

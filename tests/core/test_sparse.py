@@ -26,8 +26,8 @@ from dsfab.core.sparse.libraries import Pardiso, SuperLU, _release
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.statics.factorisation import stiffness_factor
-from tests.statics.test_statics import STEEL
-from tests.zoo import ZOO, grid, jittered, lifted, zoo
+from tests.shapes import ZOO, grid, jittered, lifted, zoo
+from tests.statics.load_cases import STEEL
 
 DIRECT = ["multifrontal", "SuperLU", "PARDISO"]
 direct = pytest.mark.parametrize("solver", DIRECT)
@@ -65,7 +65,7 @@ def test_every_solver_agrees_with_a_dense_factorisation(name, solver):
 
 @zoo
 @pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
-def test_hermitian_matrices_are_solved_as_real_ones(name, solver):
+def test_hermitian_matrices_are_solved_in_real_form(name, solver):
     require(solver)
     K, points, node = system(ZOO[name]())
     turn = np.exp(1j * np.random.default_rng(0).uniform(-3, 3, K.shape[0]))
@@ -183,7 +183,7 @@ def test_a_factor_is_repeated_bit_for_bit():
 
 
 @pytest.mark.parametrize("alone", [0, 10**6])
-def test_pardiso_solves_with_the_threads_it_factorised_with(alone, monkeypatch):
+def test_pardiso_solves_with_the_thread_count_of_the_factorisation(alone, monkeypatch):
     """Seen: a two-level factor made by one thread, used by two, gave numbers a hundred times too large.
 
     Small systems have one, on any number of cores: two take twice the time.
@@ -266,7 +266,7 @@ def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
     assert_allclose(iterative.solve(b), expected, atol=1e-7 * np.abs(expected).max())
 
 
-def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
+def test_multigrid_raises_an_error_if_it_does_not_converge(monkeypatch):
     pytest.importorskip("pyamg", reason="the optional solver is not installed")
     surface, K, held = held_dome(24)
     factor = stiffness_factor(surface, K, held)

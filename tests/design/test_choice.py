@@ -17,7 +17,7 @@ from dsfab.report.design.facts import choice_facts, choice_lines, design_facts
 from dsfab.results import Candidate
 from dsfab.slicing import material_area
 from dsfab.statics import Elements, SheetModel, solve_statics
-from tests.zoo import ZOO, zoo
+from tests.shapes import ZOO, zoo
 
 COARSE = {"surface.edge": 0.1, "pattern.width.min_width": 0, "pattern.width.min_gap": 0}
 PHASES = {"pattern.major.phase": "auto", "pattern.minor.phase": "auto"}
@@ -44,7 +44,7 @@ def test_points_of_a_face_are_centroids_of_equal_parts():
 
 
 @zoo
-def test_counted_material_is_near_what_is_cut(name):
+def test_counted_material_is_near_the_cut_material(name):
     surface = ZOO[name]()
     x = surface.V[:, 0] / surface.size + 0.1 * np.sin(9 * surface.V[:, 1] / surface.size)
     stress = 1 + np.abs(surface.V[:, 2]) / surface.size
@@ -61,7 +61,7 @@ def test_counted_material_is_near_what_is_cut(name):
 # --- the choice
 
 
-def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_cut_sheet(chosen):
+def test_the_best_candidate_becomes_the_pattern_with_its_compliance(chosen):
     found = chosen.pattern.choice.candidates
     best = found[0]
     assert len(found) >= 16
@@ -81,7 +81,7 @@ def test_the_best_of_the_candidates_is_drawn_and_its_compliance_is_that_of_its_c
     assert best.over_uncut == pytest.approx(best.compliance / chosen.statics.equilibrium.compliance, rel=1e-6)
 
 
-def test_what_was_chosen_builds_the_same_design_without_a_search(chosen, tmp_path):
+def test_the_resolved_preset_builds_the_same_design_without_a_search(chosen, tmp_path):
     (tmp_path / "again.toml").write_text(preset_toml(chosen.resolved_preset))
     preset = load_preset(tmp_path / "again.toml")
     assert not preset.pattern.auto
@@ -94,7 +94,7 @@ def test_what_was_chosen_builds_the_same_design_without_a_search(chosen, tmp_pat
     assert plain.resolved_preset is plain.preset
 
 
-def test_a_revision_searches_again_only_when_the_pattern_or_what_comes_before_it_changes(chosen, monkeypatch):
+def test_a_revision_repeats_the_search_only_if_pattern_or_earlier_stages_change(chosen, monkeypatch):
     tried = []
     monkeypatch.setattr(Trial, "candidate", lambda self, mode, phase: tried.append(mode) or Candidate(mode, phase, 1.0))
     later = dsfab.revise(chosen, with_overrides(chosen.preset, {"slicing.snap": 0.1, "export.formats": ["stl"]}))
@@ -109,7 +109,7 @@ def test_a_revision_searches_again_only_when_the_pattern_or_what_comes_before_it
     assert other.diffusion is chosen.diffusion
 
 
-def test_all_sixteen_pairs_of_modes_are_tried_and_only_what_is_auto_varies(monkeypatch):
+def test_the_search_tries_sixteen_pairs_of_modes_and_varies_only_auto_keys(monkeypatch):
     tried = []
 
     def candidate(self, mode, phase):
@@ -128,7 +128,7 @@ def test_all_sixteen_pairs_of_modes_are_tried_and_only_what_is_auto_varies(monke
     assert sorted(tried) == [((1, 1), (0.3, 0.3)), ((1, 2), (0.3, 0.3))]
 
 
-def test_one_piece_comes_before_stiffness_and_equals_are_told_apart_by_their_numbers(monkeypatch):
+def test_candidates_rank_by_one_piece_then_stiffness_then_mode_numbers(monkeypatch):
     good = Candidate((2, 1), (0.25, 0.25), 1.0, 1.0, 0.5, 1.0, 1)
     table = {
         (1, 1): replace_(good, refused="falls apart", compliance=np.inf),
@@ -151,7 +151,7 @@ def replace_(candidate: Candidate, **values) -> Candidate:
     return candidate._replace(**values)
 
 
-def test_candidates_that_lose_their_load_are_refused_and_so_is_the_search_when_all_do():
+def test_a_search_without_any_loaded_candidate_is_refused():
     thin = {"threshold": 0.8, "frequency": 4.0}
     pattern = {"keep": 0.05, "major": {**thin, "phase": "auto"}, "minor": thin}
     preset = load_preset("cantilever", {"surface.edge": 0.08, "pattern": pattern})

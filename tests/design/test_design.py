@@ -33,7 +33,7 @@ def made(design: Design) -> list[str]:
     return [stage for stage in STAGES if design.has(stage)]
 
 
-def test_nothing_is_made_before_it_is_asked_for() -> None:
+def test_stages_run_only_on_demand() -> None:
     design = Design.from_preset(load_preset(DOME_MODES, SMALL))
     assert made(design) == []
     surface = design.surface
@@ -73,7 +73,7 @@ def test_a_revision_shares_the_stages_before_the_first_change(whole: Design, cha
     assert len(new.seconds) == len(whole.seconds) or shared < 6
 
 
-def test_what_was_worked_out_once_goes_with_the_stage_it_hangs_on(whole: Design) -> None:
+def test_a_cached_result_is_dropped_with_its_stage(whole: Design) -> None:
     calls: list[str] = []
     for _ in range(2):
         assert whole.cached_result("slicing", "answer", lambda: calls.append("made") or 42) == 42
@@ -89,7 +89,7 @@ def test_what_was_worked_out_once_goes_with_the_stage_it_hangs_on(whole: Design)
     )
 
 
-def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> None:
+def test_a_refused_stage_keeps_the_results_of_earlier_stages() -> None:
     empty = {
         "pattern.width": {"rule": "plain"},
         "pattern.keep": 0.0,
@@ -103,7 +103,7 @@ def test_the_refusal_is_that_of_the_stage_and_the_stages_before_it_stay() -> Non
     assert made(design) == ["surface", "statics", "diffusion", "pattern"]
 
 
-def test_it_goes_to_another_process_without_who_is_told_of_it(whole: Design) -> None:
+def test_a_pickled_design_loses_its_progress_callback(whole: Design) -> None:
     told: list[str] = []
     design = Design.from_preset(whole.preset, None, lambda stage, doing: told.append(stage)).until("pattern")
     assert told
@@ -140,7 +140,9 @@ def test_every_way_out_gives_the_same_bytes(whole: Design, tmp_path: Path, capsy
 
 
 @pytest.mark.slow
-def test_step_is_smooth_whoever_writes_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_python_and_the_command_line_write_the_same_smooth_step_file(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
     few = {"pattern.major.spacing": 2.6, "pattern.minor.spacing": 2.6, "export.formats": ["stl"]}
     whole = dsfab.run(load_preset("barrel_vault", few))
     whole.save(tmp_path / "saved", picture=False)
@@ -179,7 +181,7 @@ def test_other_files_are_written_while_a_program_judges_a_step_file(
     assert {*saved.facts["files"], "sheet.ply", "design.npz"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 
-def test_it_says_what_it_is_in_five_lines(whole: Design) -> None:
+def test_the_repr_of_a_design_has_five_lines(whole: Design) -> None:
     lines = repr(whole).splitlines()
     assert len(lines) == 5
     assert lines[0].startswith(f"Design {whole.preset.name}")
@@ -195,6 +197,6 @@ def test_an_unknown_stage_and_a_wrong_key_are_refused(whole: Design) -> None:
         whole.until("cooking")
 
 
-def test_what_several_files_say_alike_is_said_once() -> None:
+def test_equal_notes_of_several_files_are_merged() -> None:
     notes = {"saf.xlsx": ["beams are soft"], "stl": [], "tcl": ["beams are soft", "more"], "step": ["by members"]}
     assert merged_notes(notes) == ["saf.xlsx, tcl: beams are soft", "more", "by members"]

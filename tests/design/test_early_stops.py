@@ -21,10 +21,10 @@ from dsfab.report.design.inspection import load_facts, load_lines
 from dsfab.statics import load_entries, support_entries
 from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, sphere, zoo
+from tests.shapes import ZOO, grid, sphere, zoo
 
 
-def test_names_of_a_preset_come_back_and_stand_for_what_has_none():
+def test_names_of_loads_and_supports_survive_and_unnamed_ones_get_a_default():
     preset = load_preset("snow_vault", {"surface.support.0.name": "Kämpfer", "surface.load.1.name": "snow, all over"})
     assert preset_from(tomllib.loads(preset_toml(preset))) == preset
     assert support_names((*preset.surface.support, Support(Boundary()))) == ["Kämpfer", "support 2"]
@@ -36,7 +36,7 @@ def test_names_of_a_preset_come_back_and_stand_for_what_has_none():
     ]
 
 
-def test_a_preset_without_names_is_written_without_them():
+def test_a_preset_without_names_is_written_without_names():
     values = tomllib.loads(preset_toml(load_preset("snow_vault")))
     assert not any("name" in entry for key in ("support", "load") for entry in values["surface"][key])
 
@@ -55,16 +55,16 @@ PLATE = grid(8, 2, 2.0, 0.5)
 """2 x 0.5 m, flat."""
 
 
-def plate(supports, loads, **statics):
+def design_of_plate(supports, loads, **statics):
     """A design of the plate: timber, 20 mm."""
     given = {"thickness": 0.02, "material": "GL24h", **statics}
     return Design.from_preset(Preset(surface=PLATE, supports=supports, loads=loads, statics=given))
 
 
-def test_a_support_says_what_it_holds_and_its_share_of_the_load():
+def test_the_entry_of_a_support_lists_its_directions_and_its_share_of_the_load():
     """A line of 30 N at a quarter of the span of a bridge: three quarters of it go to the near end."""
     ends = Support(Side("x", "min"), name="near"), Support(Side("x", "max"), hold="z", spring=(5.0, 0, 0))
-    design = plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
+    design = design_of_plate(ends, [Line(Box((0.5, 0, 0), (0.5, 0.5, 0)), (0, 0, -60.0), "all")])
     answers = {name: case.equilibrium for name, case in design.statics.cases.items()}
     near, far = support_entries(PLATE, ends, answers)
     assert (near.name, near.vertices, near.holds) == ("near", 3, "xyz")
@@ -87,7 +87,7 @@ def test_a_support_says_what_it_holds_and_its_share_of_the_load():
         (Vertices((4,)), 0.0, 0.0),
     ],
 )
-def test_what_is_held_is_measured_along_edges_and_over_faces(at, length, area):
+def test_the_entry_of_a_support_measures_its_length_and_its_area(at, length, area):
     (entry,) = support_entries(PLATE, [Support(at)])
     assert entry.length == pytest.approx(length)
     if area is not None:
@@ -96,7 +96,7 @@ def test_what_is_held_is_measured_along_edges_and_over_faces(at, length, area):
 
 
 @zoo
-def test_the_shares_of_all_supports_are_one(name):
+def test_the_shares_of_all_supports_sum_to_one(name):
     surface = ZOO[name]()
     half = surface.n // 2
     parts = (tuple(range(half)), tuple(range(half, surface.n)))
@@ -110,7 +110,7 @@ def test_the_shares_of_all_supports_are_one(name):
     assert_allclose(total, -design.load.force.sum(axis=0), atol=1e-5 * np.abs(design.load.force).sum())
 
 
-def test_a_load_says_its_sum_and_where_it_acts():
+def test_the_entry_of_a_load_lists_its_sum_and_its_place():
     slope = Surface(np.c_[PLATE.V[:, :2], PLATE.V[:, 0]], PLATE.F)  # at 45 degrees
     loads = [
         Snow(800.0, name="white"),
@@ -143,7 +143,7 @@ def test_pressure_all_around_cancels_out_and_says_so():
 THIN = {"thickness": 0.02}
 
 
-def test_the_tables_are_aligned_and_name_what_governs():
+def test_the_tables_of_loads_are_aligned_and_mark_the_governing_case():
     facts = json.loads(json.dumps(load_facts(Design.from_preset(load_preset("snow_vault", {"surface.edge": 0.8})))))
     lines = list(load_lines(facts))
     assert lines[0].split() == ["support", "vertices", "along", "holds", "carries", "uncut", "share", "under"]
@@ -165,14 +165,14 @@ def test_forces_and_directions_in_words():
     assert pointed == ["down", "up", "-x", "+y", "(0.6, 0, -0.8)"]
 
 
-def test_inspect_shows_them_even_of_a_design_that_is_refused(capsys):
+def test_inspect_shows_the_tables_even_of_a_refused_design(capsys):
     assert main(["inspect", DOME_MODES, "--set", "surface.edge=1", "--set", 'surface.support.0.hold="z"']) == 1
     said = capsys.readouterr()
     assert [line.split()[0] for line in said.out.splitlines()] == ["support", "support", "load", *["self", "force"]]
     assert "can move along" in said.err
 
 
-def test_inspect_of_a_folder_shows_what_was_built(capsys, tmp_path):
+def test_inspect_of_a_folder_shows_the_built_preset(capsys, tmp_path):
     changed = ["--set", "surface.edge=1", "--set", 'surface.support.0.name="ring beam"', "--format", "stl"]
     assert main(["build", DOME_MODES, *changed, "--no-picture", "-o", str(tmp_path / "o")]) == 0
     built = capsys.readouterr().out
@@ -236,10 +236,10 @@ def test_a_sheet_that_stands_on_one_vertex_is_not_cut():
     assert said.startswith("100% of the reaction is on one vertex, at (1, 0.25, 0) m (mast), and a sheet cannot stand")
 
 
-def test_supports_of_a_point_or_two_are_told_if_they_carry():
+def test_supports_at_one_or_two_points_that_carry_load_give_a_note():
     """Corners of a plate; the last one only keeps it from turning."""
     corners = [Support(Nearest(((0, 0, 0), (0, 0.5, 0))), "xyz"), Support(Nearest(((2, 0, 0),)), "z", name="post")]
-    design = plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
+    design = design_of_plate([*corners, Support(Side("x", "max"), "y")], [SelfWeight()])
     notes = [note.text for note in design.until("slicing").notes if "holds only" in note.text]
     assert len(notes) == 2
     assert notes[0].startswith("support 1 holds only 2 vertices, at (0, 0.25, 0) m, and carries up to ")
@@ -255,7 +255,7 @@ def test_a_point_far_off_the_surface_holds_and_loads_nothing(what):
         "it is at (1, 0.25, 40) m, 40 m away from the nearest vertex of the surf"
     )
     near = [Force(Nearest(((1, 0.25, 0.1),)), (0, 0, -9))]
-    assert not plate(supports[:1], near).statics.objections
+    assert not design_of_plate(supports[:1], near).statics.objections
 
 
 @pytest.mark.parametrize(("load", "says"), [
@@ -270,9 +270,9 @@ def test_snow_and_wind_that_run_along_every_face_act_on_nothing(load, says):
     assert "on 1 m2: change its direction, or pick other faces" in said
 
 
-def test_a_load_that_the_supports_take_is_told():
+def test_a_load_on_supported_vertices_gives_a_note():
     loads = [SelfWeight(), Line(Side("x", "min"), (0, 0, -60.0), name="sill")]
-    notes = [note.text for note in plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
+    notes = [note.text for note in design_of_plate([Support(Side("x", "min", 0.3))], loads).until("statics").notes]
     assert any(note.startswith("sill acts only on supports") for note in notes)
 
 
@@ -280,13 +280,13 @@ def test_a_load_that_the_supports_take_is_told():
     ((0,), r"can turn about .*: the supports hold only 1 vertex, at \[0\.0, 0\.0, 0\.0\] m; pick more vertices"),
     ((0, 24), r"can turn about .*: the supports hold only 2 vertices, at \[0\.0, 0\.0, 0\.0\] and \[2\.0, "),
 ])  # fmt: skip
-def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
+def test_a_surface_held_at_one_or_two_points_is_refused_with_advice(indices, says):
     with pytest.raises(StaticsError, match=says) as caught:
-        _ = plate([Support(Vertices(indices))], [SelfWeight()]).statics
+        _ = design_of_plate([Support(Vertices(indices))], [SelfWeight()]).statics
     assert str(caught.value).count("turn about x") <= 1
 
 
-def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
+def test_a_build_computes_load_facts_once_and_prints_the_written_files(monkeypatch, tmp_path, capsys):
     asked, one = [], inspection.load_facts
     for module in (inspection, design_facts):
         monkeypatch.setattr(module, "load_facts", lambda *given: asked.append(given) or one(*given))
@@ -299,7 +299,7 @@ def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_
     assert len(asked) == 1
 
 
-def test_units_that_are_swapped_are_refused_or_told():
+def test_swapped_units_are_refused_or_give_a_note():
     dome = {"surface.edge": 1.0}
     with pytest.raises(SurfaceError, match="which is impossible"):
         run(load_preset(DOME_MODES, {**dome, "statics.thickness": 60.0}))
@@ -324,7 +324,7 @@ def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path
 
 
 @pytest.mark.parametrize("words", [["--set", "statics.thickness=0.1"], ["--mesh", "a.obj"], ["-o", "a.png"]])
-def test_a_mesh_is_inspected_as_it_is(capsys, tmp_path, words):
+def test_inspect_of_a_mesh_refuses_options_of_presets(capsys, tmp_path, words):
     file = tmp_path / "plate.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     assert main(["inspect", str(file), *words]) == 1

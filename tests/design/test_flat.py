@@ -8,7 +8,7 @@ from dsfab.design import draft
 from dsfab.preset.file import load_preset
 from dsfab.surface import Surface
 from dsfab.surface.shapes import plate
-from tests.zoo import grid
+from tests.shapes import grid
 
 LOWER_SIDE = "the sheet is flat and bends: the pattern follows the stress at its lower side"
 THICK, PRESSURE = 0.05, 1000.0

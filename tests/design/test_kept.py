@@ -5,7 +5,7 @@ from dsfab.design import draft, kept_material
 from tests.presets import DOME_MODES
 
 
-def test_what_is_kept_is_found_once_for_a_load_and_what_is_asked(monkeypatch):
+def test_kept_regions_are_computed_once_for_equal_loads_and_options(monkeypatch):
     made, counted = [], kept_material.kept_layers
 
     def counting(*given):

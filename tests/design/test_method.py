@@ -29,11 +29,11 @@ def chosen():
 
 
 @pytest.fixture(scope="module")
-def plate():
+def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", PLATE))
 
 
-def test_all_are_told_and_the_best_is_taken(chosen):
+def test_auto_lists_all_attempts_and_takes_the_best(chosen):
     tried = chosen.pattern.attempts
     assert {one.name for one in tried} >= {
         f"{way}, {rule}" for way in ("stripes", "modes") for rule in ("graded", "graded q 0.5")
@@ -53,9 +53,9 @@ def test_all_are_told_and_the_best_is_taken(chosen):
 
 
 @pytest.mark.slow
-def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, plate):
+def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen, cantilever):
     """From the stiffest of each without flaws, and never softer than the graded widths that evening begins with."""
-    for design in (chosen, plate):
+    for design in (chosen, cantilever):
         listed = [one for one in design.pattern.attempts if " apart" not in one.name]
         stressed = [one for one in listed if one.name.endswith("stressed")]
         evened = {one.name.split(",")[0]: one for one in stressed if "optimal forces" not in one.name}
@@ -68,7 +68,7 @@ def test_the_best_stripes_and_the_best_modes_are_tried_with_evened_widths(chosen
         assert next(iter(set(evened) - {"modes"})) == min(others, key=lambda one: one.rank).name.split(",")[0]
 
 
-def test_of_those_without_dead_ends_and_slits_the_stiffest_comes_first():
+def test_attempts_rank_by_dead_ends_then_slits_then_stiffness():
     """By hand: 3 is the only one without both; of the others a slit is the lesser evil, then stiffness counts."""
     soft, stiff, clean, slit, dead = (
         Attempt("soft", 9.0, 9.0, 0.5),
@@ -105,7 +105,7 @@ def spaced(found, asked, monkeypatch, crowded=True):
     return {way.attempt.name: way.preset for way in method_search.respaced_candidates(asked, [best], given, Log(None))}
 
 
-def test_distances_that_nobody_asked_for_are_tried_closer_and_wider(monkeypatch):
+def test_auto_varies_default_spacings(monkeypatch):
     """A twelfth of the plate's side is 118 mm; 88 mm are too close where edges are 45 mm long."""
     words = {"surface.edge": 0.04, "pattern.method": "stripes", "pattern.width.rule": "stressed"}
     asked = dsfab.load_preset("cantilever", words)
@@ -153,7 +153,7 @@ def test_the_settled_preset_makes_the_same_sheet(chosen):
     assert again.pattern.attempts == ()
 
 
-def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(monkeypatch):
+def test_a_resolved_preset_on_modes_loads_for_any_forces(monkeypatch):
     """Modes run along no others than those of the uncut sheet, and a preset that says so is refused."""
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
@@ -175,11 +175,14 @@ def test_a_plain_width_is_not_exchanged():
 
 
 @pytest.mark.slow
-def test_stressed_widths_are_judged_evened(plate):
+def test_stressed_widths_are_judged_evened(cantilever):
     """By the rule `stressed` the trial is worth what the width search ends with, not what it begins with."""
     evened = {**PLATE, "pattern.width.rule": "stressed", "pattern.width.steps": 4}
     both = {}
-    for rule, made in (("graded", plate), ("stressed", dsfab.design.draft(dsfab.load_preset("cantilever", evened)))):
+    for rule, made in (
+        ("graded", cantilever),
+        ("stressed", dsfab.design.draft(dsfab.load_preset("cantilever", evened))),
+    ):
         both[rule] = {
             one.name.split(",")[0]: one
             for one in made.pattern.attempts

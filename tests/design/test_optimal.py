@@ -13,7 +13,7 @@ from dsfab.design.output.archive import even_arrays, even_stripes_from
 from dsfab.design.stripe_pattern import stripe_stresses
 from dsfab.statics import Material, SheetModel, varying_thickness
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import grid
+from tests.shapes import grid
 
 LENGTH, WIDTH, THICKNESS, PULL = 2.0, 0.5, 0.01, 4.0
 STRIPES = {"surface.edge": 0.1, "pattern.method": "stripes", "pattern.major.spacing": 0.2, "pattern.minor.spacing": 0.2}
@@ -43,7 +43,7 @@ def test_a_hanging_bar_is_as_thick_as_its_force_is_large():
     assert max(off[2:]) < 0.7 * max(off[:2])
 
 
-def test_its_forces_are_those_of_statics_whatever_the_thickness():
+def test_optimal_forces_of_a_determinate_bar_equal_those_of_statics():
     """A bar is determinate: N_x = q (L - x), nothing across."""
     sheet, load = bar(8)
     (N,) = varying_thickness(sheet, [load], np.ones(1), 0.4).forces
@@ -73,7 +73,7 @@ def asked():
     return dsfab.load_preset("cantilever", {**STRIPES, "pattern.forces": "optimal"})
 
 
-def test_stripes_and_their_widths_follow_these_forces(asked):
+def test_stripes_and_widths_follow_the_optimal_forces(asked):
     made = Design.from_preset(asked)
     surface, uncut = made.surface, even_stripes(asked.with_pattern(forces="uncut"), made.surface, made.statics)
     best = even_stripes(asked, surface, made.statics)
@@ -88,7 +88,7 @@ def test_stripes_and_their_widths_follow_these_forces(asked):
     assert np.array_equal(again.forces, best.forces)
 
 
-def test_another_share_asks_for_other_stripes_where_forces_hang_on_it(asked):
+def test_another_solid_fraction_changes_the_stripes_only_for_optimal_forces(asked):
     more = asked.pattern.width.model_copy(update={"solid_fraction": 0.6})
     for forces, same in (("optimal", False), ("uncut", True)):
         before = asked.pattern.model_copy(update={"forces": forces})
@@ -103,13 +103,13 @@ def test_another_share_asks_for_other_stripes_where_forces_hang_on_it(asked):
         ({"pattern.forces": "best"}, "pattern.forces = 'best'"),
     ],
 )
-def test_what_cannot_be_is_refused(changes, says):
+def test_optimal_forces_refuse_incompatible_options(changes, says):
     with pytest.raises(PresetError) as refused:
         dsfab.load_preset("cantilever", {**STRIPES, "pattern.forces": "optimal", **changes})
     assert says in str(refused.value)
 
 
-def test_where_bending_is_followed_it_is_refused():
+def test_optimal_forces_are_refused_together_with_layers_in_bending():
     keys = {"surface.edge": 1.0, "pattern.forces": "optimal", "statics.stress": "layers"}
     made = Design.from_preset(dsfab.load_preset("slab", keys))
     statics = made.statics

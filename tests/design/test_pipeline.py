@@ -172,14 +172,14 @@ def test_kept_share_without_kept_regions_is_that_of_two_independent_families():
 
 
 @pytest.mark.parametrize("threshold", [-1.0, 1.0])
-def test_one_family_can_be_all_or_nothing(threshold):
+def test_one_family_may_cover_all_or_nothing(threshold):
     changes = {**SMALL["dome"], "pattern.minor.threshold": threshold, "slicing.loose": "keep"}
     design = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     whole = design.sheet.surface.area == pytest.approx(design.surface.area, rel=1e-12)
     assert whole == (threshold == -1.0)
 
 
-def test_loose_pieces_are_dropped_and_told_or_kept_on_request():
+def test_loose_pieces_are_dropped_with_a_note_or_kept_on_request():
     changes = {**SMALL["dome"], "pattern.minor.threshold": 1.0, "pattern.keep": 0.3}
     dropped = dsfab.run(dsfab.load_preset(DOME_MODES, changes))
     kept = dsfab.run(dsfab.load_preset(DOME_MODES, {**changes, "slicing.loose": "keep"}))
@@ -192,7 +192,7 @@ def test_loose_pieces_are_dropped_and_told_or_kept_on_request():
     assert sum(areas) == pytest.approx(kept.sheet.surface.area)
 
 
-def test_a_load_on_removed_material_is_told():
+def test_a_load_on_removed_material_gives_a_note():
     changes = {**SMALL["dome"], "pattern.keep": 0.0, "pattern.minor.mode": 7}
     changes |= {"pattern.major.threshold": 0.35, "pattern.minor.threshold": 0.35}
     seen = set()
@@ -226,18 +226,18 @@ def test_designs_that_cannot_be_built_are_refused_with_a_sentence(changes, says)
     assert len(str(caught.value)) < 400
 
 
-def test_a_coarse_mesh_is_told_with_a_better_size(small):
+def test_a_coarse_mesh_gives_a_note_with_a_better_size(small):
     assert any("coarse for r = 100" in note.text for note in small["dome"].notes)
     fine = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "diffusion.r": 2.0}))
     assert not any("coarse" in note.text for note in fine.notes)
 
 
-def test_an_unusual_thickness_is_told():
+def test_an_unusual_thickness_gives_a_note():
     thick = dsfab.run(dsfab.load_preset(DOME_MODES, {**SMALL["dome"], "statics.thickness": 2.0}))
     assert any("thin-sheet statics hold for ratios" in note.text for note in thick.notes)
 
 
-def test_a_load_too_large_for_the_sheet_is_told():
+def test_a_load_that_bends_the_sheet_too_far_gives_a_note():
     soft = {**SMALL["dome"], "statics.young": 1e6, "statics.check": False}
     notes = dsfab.run(dsfab.load_preset(DOME_MODES, soft)).notes
     assert any("over a tenth of its span" in note.text for note in notes)

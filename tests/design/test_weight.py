@@ -49,7 +49,7 @@ def test_stress_is_linear_in_the_weight(vault):
 
 
 @pytest.mark.parametrize("membrane", ["constant", "quadratic"])
-def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
+def test_uniformly_reduced_weight_does_not_turn_the_stripes(membrane):
     asked = plain("barrel_vault", **COARSE, **{"statics.membrane": membrane})
     alone = [load for load in asked.surface.load if load.kind == "self_weight"]
     light = Design.from_preset(
@@ -63,7 +63,7 @@ def test_weight_alone_that_is_less_by_the_same_share_turns_nothing(membrane):
     assert max(direction_change(light.surface, followed, under(light, uneven))) > 1
 
 
-def test_each_face_weighs_what_stripes_leave_of_it(vault):
+def test_each_face_weighs_its_share_of_material(vault):
     share = drawn_share(vault.preset, vault.analysis, vault.pattern.even)
     surface = vault.surface
     assert share.min() < 0.5 < share.max() <= 1
@@ -91,7 +91,7 @@ def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     assert f"{share @ vault.surface.areas / vault.surface.area:.0%} of the uncut sheet's weight" in told[0]
 
 
-def test_other_widths_ask_for_other_stripes_only_where_these_weigh(vault):
+def test_other_widths_need_other_stripes_only_with_weight_rounds(vault):
     for rounds in (0, 1):
         before = vault.preset.pattern.model_copy(update={"weight_rounds": rounds})
         assert same_stripes(before, before.model_copy(update={"rim": 0.3})) is (rounds == 0)
@@ -107,7 +107,7 @@ def test_without_weight_a_round_changes_nothing_and_says_so(vault):
 
 
 @pytest.mark.parametrize(("after", "told"), [(0, "a second time"), (1, "a third time")])
-def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monkeypatch, after, told):
+def test_the_former_stripes_stay_if_no_width_reaches_the_share(vault, monkeypatch, after, told):
     shares = iter([np.full(vault.surface.m, 0.5)] * after)
 
     def refused(*_args):
@@ -123,7 +123,7 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
 
-def test_on_modes_it_has_no_effect_and_that_is_told(vault):
+def test_weight_rounds_have_no_effect_on_modes_and_give_a_note(vault):
     made = [
         dsfab.design.draft(vault.preset.with_pattern(method="modes", weight_rounds=k), earlier=vault) for k in (0, 1)
     ]
@@ -132,7 +132,7 @@ def test_on_modes_it_has_no_effect_and_that_is_told(vault):
     assert [len(one) for one in told] == [0, 1]
 
 
-def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
+def test_auto_tries_each_method_without_weight_rounds(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
     monkeypatch.setattr(method_search, "_with_worth", lambda way, _given, _log: way)

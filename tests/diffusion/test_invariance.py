@@ -9,7 +9,7 @@ from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tenso
 from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import voronoi_mass
-from tests.zoo import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, sphere
 
 TURNS = [
     Rotation.from_euler("xyz", angles, degrees=True).as_matrix() for angles in ([0, 0, 90], [180, 0, 0], [31, -57, 123])
@@ -63,14 +63,14 @@ def test_turning_the_design_turns_its_picture(picture, turn):
 
 
 @pytest.mark.parametrize("scale", [1e-3, 1e3])
-def test_size_changes_nothing(picture, scale):
+def test_the_size_of_the_surface_does_not_change_the_pattern(picture, scale):
     surface, load = lopsided()
     X, lam = modes_of(Surface(surface.V * scale, surface.F), load, 0.02 * scale)
     assert lam * scale**2 == pytest.approx(picture[1], rel=1e-7)
     assert np.abs(X - picture[0]).max() < 1e-6
 
 
-def test_numbering_changes_nothing(picture):
+def test_vertex_numbers_do_not_change_the_pattern(picture):
     surface, load = lopsided()
     rng = np.random.default_rng(3)
     shuffle = rng.permutation(surface.n)
@@ -82,7 +82,7 @@ def test_numbering_changes_nothing(picture):
 
 
 @pytest.mark.parametrize("turn", TURNS)
-def test_where_the_design_is_symmetric_the_picture_turns_up_to_that_symmetry(turn):
+def test_a_symmetric_design_turns_with_the_surface_up_to_its_symmetry(turn):
     """Each mode is even or odd in x and in y; where it is odd, which end is positive is free."""
     vault, load = symmetric_vault()
     X, _ = modes_of(vault, load)
@@ -97,7 +97,7 @@ def test_where_the_design_is_symmetric_the_picture_turns_up_to_that_symmetry(tur
         assert min(np.abs(after[image] - before).max() for image in images) < 1e-6
 
 
-def test_repeated_eigenvalues_take_their_basis_from_what_turns_with_the_surface():
+def test_the_basis_of_a_repeated_eigenvalue_follows_the_load():
     """lambda = 2 on the unit sphere three times: the first mode points along the load, wherever that is."""
     ball = sphere(4)
     L = diffusion_operator(ball, diffusion_tensors(ball, np.zeros((ball.m, 3, 3))).major)

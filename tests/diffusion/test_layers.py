@@ -15,7 +15,7 @@ from dsfab.statics import sheet_stress, solve_for
 from dsfab.surface import Surface
 from dsfab.surface.fields import tangents
 from dsfab.surface.shapes import cylinder
-from tests.zoo import grid
+from tests.shapes import grid
 
 THICK, PRESSURE, NU = 0.05, 1000.0, 0.3
 STRESS = st.floats(-5, 5).map(lambda x: round(x, 3))
@@ -60,7 +60,7 @@ def test_axes_have_the_least_shear_and_sizes_are_root_mean_squares(flat, bent):
 
 @settings(max_examples=40, deadline=None)
 @given(PLANE, PLANE, st.integers(0, 10**6), st.floats(1e-3, 1e6))
-def test_it_turns_with_the_sheet_and_changes_with_sign_and_unit(flat, bent, seed, unit):
+def test_layer_stress_turns_with_the_sheet_and_scales_with_sign_and_unit(flat, bent, seed, unit):
     membrane, bending = in_space(TRIANGLE, *flat), in_space(TRIANGLE, *bent)
     found = layer_stress(TRIANGLE, membrane, bending)
     scale = np.abs(membrane).max() + np.abs(bending).max()
@@ -108,7 +108,7 @@ def test_pure_shear_keeps_its_axes_beside_a_little_bending_at_45_degrees(little)
     assert abs(blind @ tangents(TRIANGLE)[0, 0]) < np.cos(np.radians(15))
 
 
-def plate(surface, at, **statics):
+def loaded_sheet(surface, at, **statics):
     return dsfab.Preset(
         surface=surface,
         supports=at,
@@ -133,7 +133,7 @@ def test_a_strip_on_its_ends_is_followed_along_its_bending():
     free sides let it curl, so that across it there is next to nothing."""
     surface = grid(40, 6, 4.0, 0.6)
     ends = [dsfab.Support({"pick": "side", "axis": "x", "end": end}) for end in ("min", "max")]
-    design, sigma = layers_of(plate(surface, ends))
+    design, sigma = layers_of(loaded_sheet(surface, ends))
     values, axes = principal_stresses(surface, sigma)
     x = surface.centroids[:, 0]
     inner = (x > 0.6) & (x < 3.4)
@@ -167,7 +167,7 @@ def navier(x, y, a, terms=79):
 def test_a_square_plate_is_followed_along_naviers_moments():
     """Within 2 degrees wherever the principal moments differ by a fifth of the largest one."""
     surface, a = grid(24, 24, 2.0, 2.0), 2.0
-    _, sigma = layers_of(plate(surface, [dsfab.Support(dsfab.Boundary())]))
+    _, sigma = layers_of(loaded_sheet(surface, [dsfab.Support(dsfab.Boundary())]))
     x, y = surface.centroids[:, :2].T
     moments = navier(x, y, a)
     value, axis = np.linalg.eigh(moments)
@@ -181,14 +181,14 @@ def test_a_square_plate_is_followed_along_naviers_moments():
 
 
 @pytest.mark.slow
-def test_a_pipe_is_bent_along_it_at_its_clamped_edge_and_pulled_around_it_elsewhere():
+def test_a_clamped_pipe_bends_along_its_axis_at_the_edge_and_has_hoop_tension_elsewhere():
     """With b^4 = 3 (1 - nu^2) / (R h)^2, x from the edge: M = p / (2 b^2) e^(-bx) (cos bx - sin bx) along the pipe and
     N = p R (1 - e^(-bx) (cos bx + sin bx)) around it [Timoshenko and Woinowsky-Krieger 1959, art. 114]."""
     R, H, h = 1.0, 2.0, 0.05
     surface = cylinder(radius=R, height=H, edge=0.07)
     edges = [dsfab.Support(dsfab.Boundary(), "xyz", clamp=True)]
     loads = {"thickness": h, "membrane": "hybrid", "bending": "hhj"}
-    _, sigma = layers_of(plate(surface, edges, **loads))
+    _, sigma = layers_of(loaded_sheet(surface, edges, **loads))
     up = np.array([0, 0, 1.0])
     around = np.cross(up, surface.centroids * [1, 1, 0])
     around /= np.linalg.norm(around, axis=1, keepdims=True)

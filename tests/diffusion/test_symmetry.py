@@ -11,7 +11,7 @@ from dsfab.slicing import cut
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered, square
 
 BRIDGE = {
     "surface": {
@@ -28,10 +28,9 @@ BRIDGE = {
 DOME = {"surface.edge": 0.45}
 
 
-def square(jitter: float = 0.0) -> tuple[Surface, LoadCase]:
+def loaded_square(jitter: float = 0.0) -> tuple[Surface, LoadCase]:
     """A square plate held along its rim and pressed, about the origin."""
-    plate = jittered(grid(12, 12, 2.0, 2.0), jitter)
-    plate = Surface(plate.V - [1, 1, 0], plate.F)
+    plate = jittered(square(12), jitter)
     held = np.abs(plate.V).max(axis=1) > 1 - 1e-9
     force = np.outer(plate.vertex_areas, [0, 0, -1.0])
     return plate, LoadCase(np.repeat(held[:, None], 3, axis=1), force, np.zeros(plate.n, dtype=bool))
@@ -57,8 +56,8 @@ def test_words_generate_their_group(words, order):
 
 
 @pytest.mark.parametrize("words", [["x"], ["x", "y"], ["rot:4:z"]])
-def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_still_modes(words):
-    plate, load = square()
+def test_modes_of_a_symmetric_mesh_are_symmetric_to_rounding(words):
+    plate, load = loaded_square()
     found = symmetry_of(plate, words, load)
     L = diffusion_operator(plate, diffusion_tensors(plate, np.zeros((plate.m, 3, 3)), r=1).major)
     L = (sum(T.T @ L @ T for T in found.maps) / found.order).tocsr()  # the diagonals of a grid have no such symmetry
@@ -70,15 +69,15 @@ def test_where_vertices_fall_on_vertices_modes_are_symmetric_to_rounding_and_sti
     assert all(np.abs(every.lam / value - 1).min() < 1e-2 for value in modes.lam)
 
 
-def test_coordinates_that_a_file_rounds_leave_a_mesh_as_symmetric_as_it_was():
+def test_rounded_coordinates_keep_the_symmetry_of_a_mesh():
     """Images of vertices are vertices still: what is decided at one is decided alike at the other."""
-    plate, load = square()
+    plate, load = loaded_square()
     off = 2e-5 * plate.mean_edge * np.random.default_rng(1).uniform(-1, 1, plate.V.shape)
     found = symmetry_of(Surface(plate.V + off, plate.F), ["rot:4:z", "x"], load)
     assert all(T.nnz == plate.n and (T.data == 1).all() for T in found.maps)
 
 
-def test_an_uneven_mesh_is_symmetric_to_its_resolution_and_it_gets_better():
+def test_the_symmetry_error_of_an_uneven_mesh_falls_under_refinement():
     off = []
     for cells in (10, 20, 40):
         plate = jittered(grid(cells, cells, 2.0, 2.0))
@@ -137,15 +136,15 @@ def test_a_bridge_is_the_same_left_and_right():
         (["rot:4:z"], 0.5, "the loads are not symmetric: their resultants differ"),
     ],
 )
-def test_what_is_not_symmetric_is_refused_with_what_is_off(words, shift, says):
-    plate, load = square()
+def test_an_asymmetric_plate_is_refused_with_the_reason(words, shift, says):
+    plate, load = loaded_square()
     with pytest.raises(PatternError, match=says):
         symmetry_of(plate, words, eccentric(load, plate, shift) if shift else load)
 
 
 def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
     """Two forces on a line through the centre: a quarter of a turn keeps force and moment, and moves them."""
-    plate, load = square()
+    plate, load = loaded_square()
     corners = np.zeros((plate.n, 3))
     for angle in (0.3, 0.3 + np.pi):
         near = np.linalg.norm(plate.V[:, :2] - 0.6 * np.array([np.cos(angle), np.sin(angle)]), axis=1) < 0.25
@@ -156,7 +155,7 @@ def test_loads_whose_resultants_agree_but_that_lie_elsewhere_are_refused():
 
 
 def test_supports_are_compared_by_place_and_by_direction():
-    plate, load = square()
+    plate, load = loaded_square()
     one_side = LoadCase(load.fixed & (plate.V[:, :1] < 0), load.force, load.loaded)
     with pytest.raises(
         PatternError, match=r"the supports are not symmetric: the image of a support is [\d.]+ m from any"
@@ -181,7 +180,7 @@ def test_too_large_a_group_is_refused():
 
 
 def test_stress_becomes_symmetric_and_symmetric_stress_stays():
-    plate, load = square()
+    plate, load = loaded_square()
     found = symmetry_of(plate, ["rot:4:z"], load)
     sigma = np.random.default_rng(0).normal(size=(plate.m, 3, 3))
     sigma += sigma.transpose(0, 2, 1)

@@ -11,7 +11,7 @@ from dsfab.diffusion import largest_symmetry, symmetry
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.edge_changes import refined_surface
 from dsfab.surface.shapes import dome
-from tests.zoo import grid, jittered
+from tests.shapes import fan, grid, jittered, l_shape, quartered, subsurface
 
 TURN = Rotation.from_euler("xyz", [31, -57, 123], degrees=True).as_matrix()
 
@@ -25,23 +25,12 @@ def pressed(surface: Surface, hold: np.ndarray | None = None) -> LoadCase:
     return LoadCase(np.repeat(held[:, None], 3, axis=1), force, np.zeros(surface.n, bool))
 
 
-def fan(corners: np.ndarray, times: int = 3) -> Surface:
-    """A plane figure, seen from the origin, in triangles."""
-    k = len(corners)
-    V = np.concatenate([np.zeros((1, 2)), corners])
-    F = np.stack([np.zeros(k, int), 1 + np.arange(k), 1 + (np.arange(k) + 1) % k], axis=1)
-    surface = Surface(np.c_[V, np.zeros(k + 1)], F)
+def refined_fan(corners: np.ndarray, times: int = 3) -> Surface:
+    """The triangles from the origin to the sides of a polygon, cut into four so many times."""
+    surface = fan(corners)
     for _ in range(times):
-        surface = halved_edges(surface)
+        surface = quartered(surface)
     return surface
-
-
-def halved_edges(surface: Surface) -> Surface:
-    """Every triangle in four."""
-    V, edges, F = surface.V, surface.edges, surface.F
-    mid = surface.n + edges.of
-    four = [np.c_[F[:, i], mid[:, i], mid[:, (i + 2) % 3]] for i in range(3)]
-    return Surface(np.concatenate([V, V[edges.ends].mean(axis=1)]), np.concatenate([*four, mid]))
 
 
 def polygon(k: int) -> np.ndarray:
@@ -53,36 +42,26 @@ def pinwheel(arms: int = 4) -> Surface:
     """Corners that turn into each other and have no mirror."""
     angle = 2 * np.pi * np.arange(3 * arms) / (3 * arms)
     radius = np.tile([1.0, 2.2, 1.3], arms)
-    return fan(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
-
-
-def l_shape() -> Surface:
-    square = grid(12, 12, 2.0, 2.0)
-    return Surface(square.V, square.F[(square.centroids[:, :2].min(axis=1) < 1)])
-
-
-def used(surface: Surface) -> Surface:
-    at = np.unique(surface.F)
-    return Surface(surface.V[at], np.searchsorted(at, surface.F))
+    return refined_fan(radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1))
 
 
 def irregular() -> Surface:
-    return fan(np.array([[2.0, 0.1], [0.8, 1.5], [-0.7, 1.1], [-1.6, -0.4], [0.4, -1.2]]))
+    return refined_fan(np.array([[2.0, 0.1], [0.8, 1.5], [-0.7, 1.1], [-1.6, -0.4], [0.4, -1.2]]))
 
 
-def canopy() -> Surface:
-    flat = fan(polygon(6), 4)
+def paraboloid() -> Surface:
+    flat = refined_fan(polygon(6), 4)
     return Surface(np.c_[flat.V[:, :2], 0.4 * (1 - (flat.V[:, :2] ** 2).sum(axis=1))], flat.F)
 
 
 FIGURES = {
     "rectangle": (lambda: jittered(grid(12, 8, 3.0, 2.0), 0.1), 4, 2),
     "square": (lambda: jittered(grid(12, 12, 2.0, 2.0), 0.1), 8, 4),
-    "hexagon": (canopy, 12, 6),
-    "triangle": (lambda: fan(polygon(3), 4), 6, 3),
+    "hexagon": (paraboloid, 12, 6),
+    "triangle": (lambda: refined_fan(polygon(3), 4), 6, 3),
     "pinwheel": (pinwheel, 4, 0),
     "three-armed pinwheel": (lambda: pinwheel(3), 3, 0),
-    "L": (lambda: used(l_shape()), 2, 1),
+    "L": (lambda: l_shape(), 2, 1),
 }
 """Surface, elements of its group, and mirrors among them."""
 
@@ -122,7 +101,7 @@ def test_a_plate_in_its_own_plane_is_its_own_mirror_image():
     assert len(group(square, LoadCase(np.repeat(free[:, None], 3, axis=1), pull, free))) == 16
 
 
-def test_what_has_no_symmetry_has_none():
+def test_an_irregular_surface_has_no_symmetry():
     surface = irregular()
     assert largest_symmetry(surface, load_axes(surface, pressed(surface)), [pressed(surface)]) is None
 
@@ -145,14 +124,14 @@ def test_maps_are_those_of_the_group():
 # --- what breaks it
 
 
-def test_supports_break_it():
+def test_supports_reduce_the_symmetry():
     surface = grid(12, 8, 3.0, 2.0)
     assert len(group(surface, pressed(surface, surface.V[:, 0] < 1e-9))) == 2
     corner = (surface.V[:, 0] < 1e-9) & (surface.V[:, 1] < 0.6)
     assert len(group(surface, pressed(surface, corner))) == 1
 
 
-def test_loads_break_it():
+def test_loads_reduce_the_symmetry():
     surface = grid(12, 12, 2.0, 2.0)
     whole = pressed(surface)
     for at, order in (((1.5, 1.0), 2), ((1.5, 1.5), 2), ((1.5, 1.2), 1), ((1.0, 1.0), 8)):
@@ -162,7 +141,7 @@ def test_loads_break_it():
     assert len(group(surface, whole, LoadCase(whole.fixed, whole.force + [1e-2, 0, 0], whole.loaded))) == 2
 
 
-def test_loads_of_equal_moments_that_lie_elsewhere_break_it():
+def test_displaced_loads_of_equal_moments_reduce_the_symmetry():
     """Two forces on a diagonal have the resultant and the first moments of two on the other: seen at the full look."""
     surface = grid(12, 12, 2.0, 2.0)
     near = (np.linalg.norm(surface.V[:, :2] - 0.5, axis=1) < 0.2) | (
@@ -173,9 +152,9 @@ def test_loads_of_equal_moments_that_lie_elsewhere_break_it():
     assert (np.linalg.det(R) < 0).sum() == 2
 
 
-def test_a_bite_breaks_it():
+def test_a_missing_piece_of_the_surface_reduces_the_symmetry():
     surface = grid(24, 16, 3.0, 2.0)
-    bitten = used(Surface(surface.V, surface.F[np.linalg.norm(surface.centroids[:, :2] - [0.5, 0.5], axis=1) > 0.25]))
+    bitten = subsurface(surface, np.linalg.norm(surface.centroids[:, :2] - [0.5, 0.5], axis=1) > 0.25)
     assert len(group(bitten, pressed(bitten, np.abs(bitten.V[:, 0] - 1.5) > 1.5 - 1e-9))) == 1
 
 

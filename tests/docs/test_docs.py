@@ -73,14 +73,12 @@ def rough(tmp_path_factory):
 
 
 @pytest.fixture
-def desk(tmp_path, monkeypatch, rough):
+def desk(tmp_path, monkeypatch, rough, coarse_proposals):
     """A folder with a roof of one's own in it, in millimetres; shipped presets take less time here."""
     for module in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{module}.PRESETS", (rough,))
     hall = barrel_vault(edge=1.2)
     trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)
-    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 1), (1, 2)])
     monkeypatch.chdir(tmp_path)
     return tmp_path
@@ -105,7 +103,7 @@ def test_there_are_five_commands_to_begin_with():
     assert {line for line in lines if not line.startswith(REPEATS)} <= set(COMMANDS)
 
 
-def test_the_two_set_up_commands_differ_in_what_they_install_and_run_only():
+def test_the_two_set_up_commands_differ_only_in_extras_and_in_the_final_command():
     """They themselves are run by `.ci/run`, in a fresh clone; here their parts are checked."""
     build, test = SETUP
     assert build.split(" && ")[0] == test.split(" && ")[0] == "python3 -m venv .venv"
@@ -114,7 +112,7 @@ def test_the_two_set_up_commands_differ_in_what_they_install_and_run_only():
     assert (ROOT / "presets" / "dome.toml").is_file()
 
 
-def test_ci_finds_the_commands_it_runs():
+def test_the_page_marks_the_commands_that_ci_runs():
     for marker in ("system-packages", "build", "test"):
         after = README.partition(f"<!-- {marker} -->\n```sh\n")[2]
         assert after.splitlines()[0], marker
@@ -208,7 +206,7 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     assert holed.sheet.surface.area / holed.surface.area == pytest.approx(0.45, abs=0.006)
 
 
-def test_its_table_of_elements_is_that_of_the_code():
+def test_the_table_of_elements_agrees_with_the_code():
     page = PAGES["docs/trust.md"]
     rows = re.findall(r"^\| ([^|`]+) \| `(\w+)` \+ `(\w+)` \| (\S+) % \|$", page, flags=re.MULTILINE)
     told = [(about, f"{membrane}+{bending}", float(percent) / 100) for about, membrane, bending, percent in rows]
@@ -227,13 +225,13 @@ def test_pictures_and_pages_that_are_named_exist(page):
         assert path.suffix != ".webp" or path.stat().st_size > 5_000, target  # drawings of lines are small
 
 
-def test_the_readme_names_what_lies_beside_it():
+def test_the_readme_names_existing_files_and_folders():
     for name in ("CHANGELOG.md", "LICENSE", "presets/"):
         assert f"`{name}`" in README
         assert (ROOT / name).exists()
 
 
-def test_the_decisions_that_are_shown_are_those_for_the_canopy(tmp_path):
+def test_the_page_shows_the_real_decisions_for_the_canopy(tmp_path):
     (shown,) = (block for block in blocks("text", "docs/surfaces.md") if block.startswith("unit"))
     assert shown.strip().splitlines() == list(propose(canopy_mm(tmp_path)).lines)
 
@@ -303,7 +301,7 @@ def test_numbers_that_a_page_shows_may_be_a_little_off():
 
 
 @pytest.mark.slow
-def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch, capsys):
+def test_the_commands_of_the_ten_minute_lesson_give_the_shown_output(tmp_path, monkeypatch, capsys):
     """Its commands in their order, with what it shows of their output; each ends well and leaves what the page says.
 
     Its STEP file holds triangles: `dsfab build my_roof.obj` of another page writes what is proposed. At the end members
@@ -335,7 +333,7 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
 
 
 @pytest.mark.slow
-def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
+def test_the_commands_of_the_case_studies_print_the_shown_output(tmp_path, monkeypatch, capsys):
     """But the last, which takes minutes: what it says of the dome is near to one solve, here 5.4 % too soft."""
     monkeypatch.chdir(tmp_path)
     commands = [line for block in blocks("sh", CASES) for line in block.splitlines()]
@@ -351,7 +349,7 @@ def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
     assert float(told[2]) == pytest.approx(found.design.mass / 1000, abs=0.05)
 
 
-def test_the_gallery_shows_what_it_says_how_to_build():
+def test_each_picture_of_the_gallery_names_its_build_command():
     page = PAGES["docs/gallery.md"]
     lines = re.findall(
         r"^## [^\n]+: `dsfab build ([^`]+)`\n\n(.+?)!\[[^\n]+\]\((media/\w+_steps\.webp)\)", page, flags=re.M | re.S
@@ -363,7 +361,7 @@ def test_the_gallery_shows_what_it_says_how_to_build():
         assert (ROOT / "docs" / picture).stat().st_size > 10_000
 
 
-def test_what_is_cited_is_named_alike_in_both_places():
+def test_the_citation_file_and_the_page_name_the_same_sources():
     """On the page, and for programs: Citation File Format 1.2.0, whose required keys are checked here."""
     given = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert given["cff-version"] == "1.2.0"

@@ -13,14 +13,14 @@ from dsfab.app.hops.components import COMPONENTS
 from dsfab.core.toml_files import shipped_presets
 from tests.bad_meshes import obj
 from tests.designs import rough_presets
-from tests.zoo import grid
+from tests.shapes import grid
 
 ROOT = Path(__file__).resolve().parents[2]
 MEDIA, OWN = ROOT / "docs" / "media", ROOT / "docs" / "examples"
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
-def test_every_picture_has_its_maker_and_every_maker_its_picture():
+def test_pictures_and_scripts_of_pictures_correspond():
     made = {MEDIA / file for name in make.MAKERS for file in make.files(name)}
     assert made == {path for path in MEDIA.rglob("*") if path.is_file()}
 
@@ -43,14 +43,14 @@ def test_pages_show_nothing_else():
 
 
 @pytest.mark.parametrize("name", [name for name in make.DESIGNS if name != "figurine"])
-def test_what_a_design_of_the_gallery_is_drawn_from_is_there(name):
+def test_the_input_files_of_each_gallery_design_exist(name):
     """Built are most of them elsewhere; here each is at least read, as `make` reads it. Bob's mesh lies apart."""
     preset, changes = make.DESIGNS[name]
     given = dsfab.preset_for(preset) if Path(preset).suffix == ".obj" else dsfab.load_preset(preset, changes)
     assert given.statics.thickness > 0
 
 
-def test_options_side_by_side_are_told_as_they_are_set():
+def test_the_caption_of_each_option_names_all_changed_keys():
     """Each is a preset, none is another one, and its words name every key that was changed, or the method."""
     presets = {words: dsfab.load_preset("dome", changes) for words, changes in make.OPTIONS.items()}
     assert len({preset.model_dump_json() for preset in presets.values()}) == len(make.OPTIONS) == 6
@@ -101,7 +101,7 @@ def test_a_drawing_of_a_concept_is_made_from_a_design(name, tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_the_canvas_of_grasshopper_shows_all_sockets_and_what_is_answered(tmp_path):
+def test_the_grasshopper_canvas_shows_all_sockets_and_answers(tmp_path):
     plate = grid(12, 12, 4.0, 4.0)
     (tmp_path / "plate.obj").write_bytes(obj(plate.V, plate.F))
     canvas = wires.drawn(tmp_path / "plate.obj")

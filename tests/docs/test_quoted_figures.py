@@ -26,12 +26,12 @@ def test_every_figure_stands_once_on_its_page():
         ("1.0", float("nan"), 0.5, False),
     ],
 )
-def test_a_value_agrees_that_rounds_to_what_is_quoted_or_is_near(digits, found, within, good):
+def test_a_value_agrees_if_it_rounds_to_the_quoted_figure(digits, found, within, good):
     assert agrees(digits, found, within) is good
 
 
 @pytest.mark.parametrize(("found", "status"), [(5.9, 0), (6.5, 1)])
-def test_what_is_off_is_told(found, status, monkeypatch, capsys):
+def test_a_quoted_figure_that_differs_is_reported(found, status, monkeypatch, capsys):
     """And what takes minutes is left out, unless it is asked for."""
     quick = Quoted(quoted_figures.CASES, "ribs", WORDS, lambda: found)
     long = Quoted(quoted_figures.CASES, "ribs, long", WORDS, lambda: 1.0 / 0.0, minutes=True)
@@ -41,6 +41,6 @@ def test_what_is_off_is_told(found, status, monkeypatch, capsys):
     assert ("off" in capsys.readouterr().out) is bool(status)
 
 
-def test_a_figure_that_a_page_no_longer_has_is_told_by_its_page():
+def test_a_figure_that_a_page_no_longer_quotes_is_reported_with_the_page():
     with pytest.raises(ValueError, match=r"docs/trust\.md says \[\] of ribs"):
         Quoted(quoted_figures.TRUST, "ribs", WORDS, lambda: 1.0).digits  # noqa: B018

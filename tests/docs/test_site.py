@@ -141,7 +141,7 @@ def test_every_page_can_be_read_on_a_screen_and_on_a_telephone_by_day_and_by_nig
     assert wrong == []
 
 
-def test_the_audit_finds_what_is_planted(tmp_path):
+def test_the_audit_of_pages_finds_planted_faults(tmp_path):
     if browser() is None:
         pytest.skip("no Chromium is installed")
     (tmp_path / "bad.html").write_text(

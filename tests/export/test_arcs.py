@@ -14,7 +14,7 @@ from dsfab.export.cad.step.by_members.fillets import without_short_walls
 from dsfab.export.cad.step.by_members.lines import ArcsOnSkins, ChainLine, NetLines, round_chains, with_arcs
 from dsfab.export.cad.step.by_members.patch_sides import Quad
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet
-from tests.export.test_network import flat_strip, lifting_of
+from tests.export.member_networks import flat_strip, lifting_of
 
 R = 30.0
 MIDDLE = np.array([R, -R])
@@ -106,7 +106,7 @@ def test_chords_that_an_arc_is_too_far_off_from_stay():
         np.testing.assert_allclose(one.spans, other.spans, atol=1e-9)
 
 
-def test_an_outline_keeps_its_angle_where_a_border_goes_on_in_its_direction():
+def test_an_outline_keeps_its_angle_at_a_border_that_continues_it():
     done, _ = arcs_of((-200, -128), within=2.0)
     assert np.degrees(np.arccos(directions(done[1])[1] @ directions(done[2])[0])) > 10
     np.testing.assert_allclose(directions(done[1])[0], [0, 1], atol=1e-12)

@@ -16,7 +16,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, net_
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.surface import Surface
-from tests.export.test_network import T, draft_of, striped
+from tests.export.member_networks import T, draft_of, striped
 
 
 def cap(angle: float, sectors: int, cells: int = 16):
@@ -71,13 +71,13 @@ def test_a_region_that_bends_is_divided_until_one_plane_sees_each_part(sectors):
                 assert (done.chains[step[0]].left if step[1] else done.chains[step[0]].right) == region
 
 
-def test_a_region_that_bends_little_is_left_as_it_is():
+def test_a_region_with_little_bend_stays_undivided():
     net, done, _ = levelled(0.3, 8)
     assert done is net
 
 
 @pytest.mark.slow
-def test_a_region_that_bends_is_written_once_it_is_divided(monkeypatch):
+def test_a_region_with_a_large_bend_is_written_after_division(monkeypatch):
     """Parts whose surface is off their edges stay as they are here: to divide these takes most of the time."""
     monkeypatch.setattr(draft, "divided_faces", lambda model, faces, *_: list(faces.values()))
     part, _, _ = draft_of(*cap(1.6, 8))

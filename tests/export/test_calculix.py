@@ -11,7 +11,7 @@ from dsfab.statics import Material, SheetModel, SpreadLoad
 from dsfab.study.check_model import axes_of_file, in_plane, nodal_forces, six_node_model, six_node_triangles
 from dsfab.surface import Surface
 from tests.calculix import ccx, needs_ccx
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 STRIP = grid(8, 4, 2.0, 1.0)
 MATERIAL = Material(2e9, 0.3, 1000.0)
@@ -19,7 +19,7 @@ THICKNESS, PULL = 0.01, 3e3
 """Metres, and newtons per metre at the end of the strip."""
 
 
-def strip(element: str = "CPS6", axis: int = 2, **changes) -> CalculixModel:
+def pulled_strip(element: str = "CPS6", axis: int = 2, **changes) -> CalculixModel:
     """A strip pulled along its length: rollers at one end, and free to get narrower."""
     turn = np.argsort(axes_of_file(axis))
     surface = Surface(STRIP.V[:, turn], STRIP.F)
@@ -51,7 +51,7 @@ def after(lines: list[str], card: str, count: int = 1) -> list[str]:
 @pytest.mark.parametrize(("element", "axis"), [("CPS6", 2), ("CPS6", 0), ("CPS6", 1), ("S6", 2)])
 def test_a_pulled_strip_stretches_as_hooke_says(element, axis, tmp_path):
     """u = q x / (E h), v = -nu q y / (E h); the energy is half of the force times the stretch."""
-    (found,) = ccx(strip(element, axis), tmp_path)
+    (found,) = ccx(pulled_strip(element, axis), tmp_path)
     nodes = six_node_triangles(STRIP)[0]
     stretch = PULL / (MATERIAL.young * THICKNESS)
     exact = stretch * np.stack([nodes[:, 0], -MATERIAL.poisson * nodes[:, 1], 0 * nodes[:, 0]], axis=1)
@@ -71,8 +71,8 @@ def test_load_cases_are_separate_steps_and_springs_give_way(element, tmp_path):
     fixed = np.zeros((STRIP.n, 3), dtype=bool)
     fixed[(STRIP.V[:, :2] == 0).all(axis=1), 1] = True
     fixed[:, 2] = element == "S6"
-    pull = strip(element).steps["pull"]
-    model = strip(
+    pull = pulled_strip(element).steps["pull"]
+    model = pulled_strip(
         element, springs=springs, supports={"SUPPORT_1": fixed}, steps={"pull": pull, "push twice": -2 * pull}
     )
     first, second = ccx(model, tmp_path)
@@ -118,11 +118,11 @@ def test_forces_on_nodes_do_the_work_of_the_load_on_every_quadratic_field(name):
 
 
 def test_the_file_says_its_units_and_names_every_support_and_load():
-    lines = text(replace(strip("S6"), notes=("a note\nin two lines",), name="roof"))
+    lines = text(replace(pulled_strip("S6"), notes=("a note\nin two lines",), name="roof"))
     comments = [line for line in lines if line.startswith("**")]
     assert any("metres" in line and "newtons" in line and "pascals" in line for line in comments)
     assert "** a note in two lines" in comments
-    assert comments[0].startswith(f"** roof: {STRIP.m} six-node shells (S6), {len(strip().nodes)} nodes")
+    assert comments[0].startswith(f"** roof: {STRIP.m} six-node shells (S6), {len(pulled_strip().nodes)} nodes")
     assert after(lines, "*SHELL SECTION") == ["0.01"]
     assert after(lines, "*ELASTIC") == ["2000000000, 0.3"]
     assert after(lines, "*DENSITY") == ["1000"]
@@ -132,12 +132,12 @@ def test_the_file_says_its_units_and_names_every_support_and_load():
 
 
 def test_directions_that_a_whole_support_holds_are_written_for_its_set():
-    model = strip("S6")
+    model = pulled_strip("S6")
     lines = text(model)
     assert [line for line in lines if line.startswith("SUPPORT_")] == ["SUPPORT_1, 1, 1", "SUPPORT_2, 3, 3"]
     alone = [int(line.split(",")[0]) - 1 for line in lines if line.endswith(", 2, 2") and line[0].isdigit()]
     assert alone == np.flatnonzero(model.supports["SUPPORT_2"][:, 1]).tolist() == [0]
-    assert not [line for line in text(strip("CPS6")) if line.endswith(", 3, 3")]
+    assert not [line for line in text(pulled_strip("CPS6")) if line.endswith(", 3, 3")]
 
 
 def test_middles_between_two_supports_are_held_once():
@@ -145,14 +145,14 @@ def test_middles_between_two_supports_are_held_once():
     near = STRIP.V[:, 1] < 0.5
     fixed[0, (STRIP.V[:, 0] == 0) & near] = True
     fixed[1, (STRIP.V[:, 0] == 0) & ~near] = True
-    one, two = strip(supports={"SUPPORT_1": fixed[0], "SUPPORT_2": fixed[1]}).supports.values()
+    one, two = pulled_strip(supports={"SUPPORT_1": fixed[0], "SUPPORT_2": fixed[1]}).supports.values()
     assert not (one & two).any()
     X = six_node_triangles(STRIP)[0]
     assert ((one | two)[:, 0] == (X[:, 0] == 0)).all()
 
 
 def test_springs_alone_are_a_support():
-    model = strip("S6", supports={}, springs=np.ones((STRIP.n, 3)))
+    model = pulled_strip("S6", supports={}, springs=np.ones((STRIP.n, 3)))
     lines = text(model)
     assert not [line for line in lines if line.startswith("*BOUNDARY")]
     assert [line for line in lines if line.startswith("*SPRING")] == [f"*SPRING, ELSET=SPRING_{k}" for k in (1, 2, 3)]
@@ -162,7 +162,7 @@ def test_springs_alone_are_a_support():
 
 
 def test_a_thin_section_keeps_the_stiffness_and_says_so():
-    thick = strip("S6")
+    thick = pulled_strip("S6")
     thin = in_plane(thick, 2, 1e-4)
     assert thin.young * thin.thickness == pytest.approx(thick.young * thick.thickness)
     assert thin.thickness == pytest.approx(1e-4)
@@ -174,8 +174,8 @@ def test_a_thin_section_keeps_the_stiffness_and_says_so():
 def test_the_same_model_gives_the_same_bytes_and_an_older_file_is_replaced(tmp_path):
     path = tmp_path / "a.inp"
     path.write_text("old")
-    assert write_calculix(strip(), path) == path
-    assert path.read_bytes() == write_calculix(strip(), tmp_path / "b.inp").read_bytes()
+    assert write_calculix(pulled_strip(), path) == path
+    assert path.read_bytes() == write_calculix(pulled_strip(), tmp_path / "b.inp").read_bytes()
     assert sorted(file.name for file in tmp_path.iterdir()) == ["a.inp", "b.inp"]
 
 
@@ -186,23 +186,26 @@ def test_the_same_model_gives_the_same_bytes_and_an_older_file_is_replaced(tmp_p
         ({"supports": {}}, "has no load step or no support"),
         ({"young": float("nan")}, "numbers that are not finite"),
         ({"triangles": np.array([[0, 1, 2, 3, 4, 10**6]])}, "1 triangles name nodes"),
-        ({"supports": {"my support": np.ones((len(strip().nodes), 3), dtype=bool)}}, "is impossible for a node set"),
-        ({"nodes": np.random.default_rng(0).normal(size=strip().nodes.shape)}, "plane z = 0"),
+        (
+            {"supports": {"my support": np.ones((len(pulled_strip().nodes), 3), dtype=bool)}},
+            "is impossible for a node set",
+        ),
+        ({"nodes": np.random.default_rng(0).normal(size=pulled_strip().nodes.shape)}, "plane z = 0"),
     ],
 )
 def test_models_that_calculix_could_not_solve_are_refused(changes, message):
     with pytest.raises(ExportError, match=message):
-        replace(strip("CPS6"), **changes)
+        replace(pulled_strip("CPS6"), **changes)
 
 
 def test_arrays_that_do_not_fit_are_a_mistake_of_ours():
     with pytest.raises(ValueError, match="expected an array of shape"):
-        replace(strip(), springs=np.zeros((3, 3)))
+        replace(pulled_strip(), springs=np.zeros((3, 3)))
 
 
 def test_other_suffixes_and_missing_folders_are_refused(tmp_path):
     with pytest.raises(ExportError, match=r"name it a\.inp"):
-        write_calculix(strip(), tmp_path / "a.txt")
+        write_calculix(pulled_strip(), tmp_path / "a.txt")
     with pytest.raises(ExportError, match="folder does not exist"):
-        write_calculix(strip(), tmp_path / "nowhere" / "a.inp")
+        write_calculix(pulled_strip(), tmp_path / "nowhere" / "a.inp")
     assert not list(tmp_path.iterdir())

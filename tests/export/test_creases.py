@@ -11,8 +11,7 @@ from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.by_members.regions import net_of
 from dsfab.export.cad.step.shared.lifting import CreaseSides, crease_edges
 from dsfab.surface import SHAPES, Surface
-from tests.export.test_export import quick_step  # noqa: F401
-from tests.export.test_network import T, draft_of, lifting_of, striped
+from tests.export.member_networks import T, draft_of, lifting_of, striped
 
 RADIUS, STEEP = 2.0, np.deg2rad(60.0)
 
@@ -75,7 +74,7 @@ def test_the_ridge_alone_is_a_crease():
         assert not crease_edges(SHAPES[name]()).any(), name
 
 
-def test_creases_go_on_to_where_they_meet():
+def test_creases_continue_to_their_common_point():
     """Four of them, in the middle of an umbrella of four shells: faces there have two. They fade towards its edges."""
     x, y = np.meshgrid(np.linspace(-6, 6, 21), np.linspace(-6, 6, 21), indexing="ij")
     a, b = np.abs(x) / 6, np.abs(y) / 6
@@ -89,7 +88,7 @@ def test_creases_go_on_to_where_they_meet():
     assert 3 < np.linalg.norm(ends[..., :2], axis=2).max() < 6
 
 
-def test_points_on_a_crease_are_seen_from_both_sides_and_others_from_theirs():
+def test_points_on_a_crease_have_normals_of_both_sides():
     given = pointed_vault()
     sides = CreaseSides.from_skins(lifting_of(given).skins)
     weights = over_faces(given)
@@ -151,7 +150,7 @@ def test_a_pointed_vault_is_by_members_where_smooth_rounds_its_ridge(tmp_path):
 
 
 @pytest.mark.parametrize("way", ["quick", "auto"])
-def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path, here, quick_step):  # noqa: F811
+def test_without_a_curved_sheet_step_falls_back_to_facets(way, tmp_path, inspected, inspected_pieces):
     """As of a sheet that crosses itself: what says so ended all ways, facets too."""
 
     def crosses():

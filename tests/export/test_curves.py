@@ -1,7 +1,6 @@
 """Lines as smooth curves: near the exact level lines, with their corners, in DXF, 3DM and STEP as others read them."""
 
 from collections import defaultdict
-from itertools import pairwise
 
 import ezdxf
 import numpy as np
@@ -9,14 +8,13 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.interpolate import BSpline
 
+from dsfab.core.arrays import distances_from_segments
 from dsfab.core.errors import ExportError
 from dsfab.design import run
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, curves, write
 from dsfab.export import curves as along
 from dsfab.export import curves as refining
-from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined_segments
 from dsfab.export.part import part_of
 from dsfab.export.splines import LeastSquares
@@ -24,9 +22,9 @@ from dsfab.pattern import Stripes
 from dsfab.preset.file import load_preset
 from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
-from dsfab.surface.fields import StructureLine, _from_segment, polyline_length
+from dsfab.surface.fields import StructureLine, polyline_length
 from tests.presets import DOME_MODES
-from tests.zoo import grid, lifted
+from tests.shapes import grid, lifted
 
 
 def rings(surface, tolerance: float) -> tuple:
@@ -46,8 +44,7 @@ both = pytest.mark.parametrize("made", [FLAT, DOMED], ids=["flat", "domed"])
 
 def off(points: np.ndarray, line: np.ndarray) -> float:
     """Largest distance of points from a polyline."""
-    apart = [_from_segment(points, a, b) for a, b in pairwise(line)]
-    return float(np.min(apart, axis=0).max())
+    return float(distances_from_segments(points[:, None], line[:-1], line[1:]).min(axis=1).max())
 
 
 def judged(details: Details, found: dict[str, list[np.ndarray]]) -> None:
@@ -121,8 +118,7 @@ def rhino_points(curve) -> list[np.ndarray]:
     return [np.array([vector(curve.PointAt(x)) for x in np.linspace(ends.T0, ends.T1, 1000)])]
 
 
-def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
+def test_step_wires_are_near_the_exact_lines(tmp_path, inspected):
     from build123d import import_step
 
     sheet, details = DOMED
@@ -151,7 +147,7 @@ def test_corners_stay_and_closed_lines_close():
     assert {len(c.poles) for c in curves_along(turned, 0.5)} == {len(c.poles) for c in curves_along(drop, 0.5)}
 
 
-def test_what_no_spline_follows_keeps_its_own_points():
+def test_a_rough_curve_keeps_its_own_points():
     rng = np.random.default_rng(0)
     rough = np.c_[np.arange(50.0), 0.2 * rng.random(50), np.zeros(50)]
     (run,) = joined_segments(curves_along(rough, 1e-7))
@@ -169,7 +165,7 @@ def test_a_line_that_lies_elsewhere_or_has_another_name_is_noticed():
             check_curves(part, found)
 
 
-def test_a_design_gives_curves_its_exact_lines_and_tables_simplified_ones():
+def test_curve_formats_get_exact_lines_and_tables_get_simplified_lines():
     design = run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     assert {suffix for suffix, form in FORMATS.items() if getattr(form, "curves", False)} == {
         ".dxf",
@@ -200,7 +196,7 @@ def test_the_next_format_of_a_design_takes_the_curves_of_the_one_before(monkeypa
     assert len(made) >= 2
 
 
-def test_many_lines_are_solved_together_and_are_what_each_is_alone(monkeypatch):
+def test_lines_fitted_together_equal_lines_fitted_alone(monkeypatch):
     """One by one, 2,310 curves of a ball took a third of the time of their 3DM."""
     alone, solved, of = [], [], LeastSquares.from_hats
     turn = np.linspace(0.0, 2.0, 40)
@@ -228,7 +224,7 @@ def test_many_lines_are_solved_together_and_are_what_each_is_alone(monkeypatch):
         assert off < 3.01
 
 
-def test_no_more_lines_are_remembered_than_said(monkeypatch):
+def test_the_memory_of_lines_keeps_its_limit(monkeypatch):
     monkeypatch.setattr(along, "REMEMBERED", 3)
     lines = [np.array([[0.0, 0, 0], [k, 1, 0]]) for k in range(5)]
     found = all_curves_along(lines, 0.1)

@@ -16,10 +16,11 @@ from dsfab.export.cad.step.planar import polyhedron
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import open_edges, part_of
 from dsfab.thickening import offsets, thicken
-from tests.app.test_cli import run
-from tests.export.test_export import box, quick_step, torus  # noqa: F401
-from tests.export.test_step import plate_with_hole
-from tests.zoo import ZOO, lifted
+from tests.app.command_line import run
+from tests.export.curved_solids import saddle_solid
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import solid_box, solid_torus
+from tests.shapes import ZOO
 
 
 def prepared(solid, faces=STEP_FACES):
@@ -30,12 +31,6 @@ def finely(solid):
     """Every triangle in four: flat neighbours that can go again."""
     V, F = trimesh.remesh.subdivide(solid.V, solid.F)
     return type(solid)(V, F, solid.genus, solid.pieces)
-
-
-def saddle():
-    """A curved sheet, thick against the bend of its faces: 1,344 triangles, no two in one plane but on the rim."""
-    surface = lifted(lambda x, y: 0.8 * (x - 0.5) * (y - 0.5), cells=16)
-    return thicken(surface, offsets(surface, 0.1).D)
 
 
 def from_torus(points):
@@ -52,7 +47,7 @@ def test_the_size_of_a_faceted_file_is_known_to_a_tenth(name):
     assert faceted_bytes(shape) == pytest.approx(sum(map(len, file.encode(part))), rel=0.1)
 
 
-def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F811
+def test_estimates_equal_the_face_counts_of_the_files(tmp_path, inspected):
     solid = plate_with_hole()
     found = {one.way: one for one in step_estimates(solid)}
     assert [way for way, one in found.items() if one.chosen] == ["planar"]
@@ -65,29 +60,29 @@ def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F81
     assert {one.way for one in step_estimates(solid, step="faceted") if one.chosen} == {"faceted"}
 
 
-def test_members_asked_for_by_name_take_the_time_of_eight_cuts():
+def test_the_time_estimate_of_members_by_name_is_eight_trial_cuts():
     """`barrel_vault`, 912 faces: 53 s of the processor by name, 12 unasked; `dome`, 5051 faces: 24 unasked."""
-    part = part_of(torus(), "a", STEP_FACES)
+    part = part_of(solid_torus(), "a", STEP_FACES)
     unasked = replace(part, hurry=1)
     assert 26 < file_size.writing_seconds(part, "members", 912) < 106
     assert 6 < file_size.writing_seconds(unasked, "members", 912) < 24
     assert 12 < file_size.writing_seconds(unasked, "members", 5051) < 48
 
 
-def test_estimates_say_what_cannot_be_and_what_is_too_much():
-    found = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=500))}
+def test_estimates_name_impossible_ways_and_ways_over_the_budget():
+    found = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(faces=500))}
     assert "not flat" in found["planar"].refused
     assert found["faceted"].chosen
     assert found["faceted"].faces == 288  # of its quads
-    few = {one.way: one for one in step_estimates(torus(), step=StepOptions(faces=200))}
+    few = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(faces=200))}
     assert few["faceted"].refused == "288 planar faces, more than step_faces = 200"
-    small = {one.way: one for one in step_estimates(torus(), step=StepOptions(megabytes=0.1))}
+    small = {one.way: one for one in step_estimates(solid_torus(), step=StepOptions(megabytes=0.1))}
     assert "more than step_mb = 0.1" in small["faceted"].refused
     assert not any(one.chosen for one in small.values())
 
 
-def test_simplified_solids_are_closed_and_as_near_as_they_say():
-    part = prepared(finely(torus(48, 24)))
+def test_simplified_solids_are_closed_and_keep_the_stated_distance():
+    part = prepared(finely(solid_torus(48, 24)))
     simple = file_size.simplified_part(part, 5.0)
     assert len(simple.F) < 0.3 * len(part.F)
     assert open_edges(simple.F) == 0
@@ -100,37 +95,37 @@ def test_simplified_solids_are_closed_and_as_near_as_they_say():
 
 
 def test_distances_between_surfaces_are_measured_both_ways():
-    one, two = box(size=np.ones(3)), box(size=np.array([1.0, 1.0, 1.2]))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.array([1.0, 1.0, 1.2]))
     assert file_size.distance(one.V, one.F, two.V, two.F) == pytest.approx(0.2)
     both = np.r_[one.V, one.V + 5]
     assert file_size.distance(one.V, one.F, both, np.r_[one.F, one.F + 8]) == pytest.approx(np.sqrt(75))
     assert file_size.distance(both, np.r_[one.F, one.F + 8], one.V, one.F) == pytest.approx(np.sqrt(75))
 
 
-def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, quick_step):  # noqa: F811
-    said, solid = [], saddle()
+def test_a_tolerance_simplifies_faceted_files_and_the_note_gives_the_distance(tmp_path, inspected):
+    said, solid = [], saddle_solid()
     path = write(solid, tmp_path / "a.step", step=StepOptions("faceted", tolerance=0.01), note=said.append)
     assert path.read_bytes().count(b"=ADVANCED_FACE(") < 0.7 * len(solid.F)
     assert said[0].startswith(f"STEP is faceted, simplified from {len(solid.F):,} to")
     assert "mm off at most" in said[0]
 
 
-def test_auto_simplifies_what_is_over_the_budget(tmp_path, quick_step):  # noqa: F811
-    said, solid = [], saddle()
+def test_auto_simplifies_solids_over_the_budget(tmp_path, inspected):
+    said, solid = [], saddle_solid()
     write(solid, tmp_path / "a.step", step=StepOptions(faces=1000), note=said.append)
     assert f"simplified from {len(solid.F):,} to" in said[0]
     assert said[0].endswith(f": faceted it would have {len(solid.F):,} planar faces, more than step_faces = 1000")
 
 
-def test_a_tolerance_that_does_not_help_is_said(tmp_path, quick_step):  # noqa: F811
+def test_a_tolerance_without_effect_gives_a_note(tmp_path, inspected):
     said = []
-    write(box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
+    write(solid_box(), tmp_path / "a.step", step=StepOptions("faceted", tolerance=1e-6), note=said.append)
     assert "not simplified, since 'a' does not become simpler within 0.001 mm" in said[0]
 
 
 def test_files_above_the_budget_in_megabytes_are_refused_with_the_ways_out(tmp_path):
     with pytest.raises(ExportError) as caught:
-        write(torus(), tmp_path / "a.step", step=StepOptions("faceted", megabytes=0.1))
+        write(solid_torus(), tmp_path / "a.step", step=StepOptions("faceted", megabytes=0.1))
     for words in (
         "0.24 MB, more than step_mb = 0.1 MB",
         "STL or 3MF",

@@ -14,39 +14,13 @@ import trimesh
 
 from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import FORMATS, Written, formats, write, writing
-from dsfab.export.cad.step import file as step
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
-from tests.zoo import grid, sphere
+from tests.export.solids import SIZE, needle, solid_box, solid_torus
+from tests.shapes import grid, sphere
 
-SIZE = np.array([0.2, 0.3, 0.05])
 TRIMESH = (".stl", ".ply", ".obj", ".off", ".glb")
-
-
-def box(size=SIZE, corner=(0.0, 0.0, 0.0)) -> Solid:
-    """Twelve triangles around a box."""
-    V = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)]) * size + corner
-    quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-    return Solid(V, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]), genus=0, pieces=1)
-
-
-def torus(nu: int = 24, nv: int = 12) -> Solid:
-    """Radii 1 m and 0.3 m, in triangles facing outwards."""
-    u, v = (2 * np.pi * x / n for x, n in zip(np.divmod(np.arange(nu * nv), nv), (nu, nv), strict=True))
-    r = 1 + 0.3 * np.cos(v)
-    i, j = np.divmod(np.arange(nu * nv), nv)
-    a, b = i * nv + j, (i + 1) % nu * nv + j
-    c, d = (i + 1) % nu * nv + (j + 1) % nv, i * nv + (j + 1) % nv
-    F = np.concatenate([np.c_[a, b, c], np.c_[a, c, d]])
-    return Solid(np.c_[r * np.cos(u), r * np.sin(u), 0.3 * np.sin(v)], F, genus=1, pieces=1)
-
-
-@pytest.fixture
-def quick_step(monkeypatch):
-    """Inspect STEP files in this process: a new one takes a second to load OCCT, each time."""
-    monkeypatch.setattr(step, "inspection", lambda part, path: step_facts(path))
 
 
 def loaded(path: Path) -> trimesh.Trimesh:
@@ -59,7 +33,7 @@ def loaded(path: Path) -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("suffix", TRIMESH)
-@pytest.mark.parametrize("solid", [box(corner=(1.0, -2.0, 0.5)), torus()], ids=["box", "torus"])
+@pytest.mark.parametrize("solid", [solid_box(corner=(1.0, -2.0, 0.5)), solid_torus()], ids=["box", "torus"])
 def test_trimesh_finds_the_solid_in_millimetres(tmp_path, suffix, solid):
     mesh = loaded(write(solid, tmp_path / f"part{suffix}"))
     assert len(mesh.faces) == len(solid.F)
@@ -72,7 +46,7 @@ def test_trimesh_finds_the_solid_in_millimetres(tmp_path, suffix, solid):
 def test_lib3mf_finds_the_solid_in_millimetres(tmp_path):
     import lib3mf
 
-    solid = box(corner=(1.0, -2.0, 0.5))
+    solid = solid_box(corner=(1.0, -2.0, 0.5))
     model = lib3mf.get_wrapper().CreateModel()
     reader = model.QueryReader("3mf")
     reader.SetStrictModeActive(True)
@@ -90,7 +64,7 @@ def test_lib3mf_finds_the_solid_in_millimetres(tmp_path):
 
 
 def test_units_are_written_where_the_format_has_room(tmp_path):
-    heads = {suffix: write(box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in TRIMESH}
+    heads = {suffix: write(solid_box(), tmp_path / f"a{suffix}").read_bytes()[:300] for suffix in TRIMESH}
     assert b"unit: millimetre" in heads[".stl"][:80]
     assert not heads[".stl"].startswith(b"solid")
     assert b"\ncomment unit: millimetre\n" in heads[".ply"]
@@ -100,7 +74,7 @@ def test_units_are_written_where_the_format_has_room(tmp_path):
 
 
 def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
-    data = write(torus(), tmp_path / "a.stl").read_bytes()
+    data = write(solid_torus(), tmp_path / "a.stl").read_bytes()
     assert struct.unpack("<I", data[80:84])[0] == 576
     assert len(data) == 84 + 50 * 576
     normal, a, b, c = np.frombuffer(data[84 : 84 + 48], dtype="<f4").reshape(4, 3)
@@ -108,13 +82,13 @@ def test_stl_is_as_long_as_its_count_says_and_normals_face_outwards(tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [suffix for suffix, form in FORMATS.items() if isinstance(form, formats.MeshFormat)])
-def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, quick_step, suffix):
-    first = write(torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
+def test_the_same_solid_gives_the_same_bytes_on_another_day(tmp_path, monkeypatch, inspected, suffix):
+    first = write(solid_torus(8, 6), tmp_path / f"a{suffix}").read_bytes()
     now = time.time()
     monkeypatch.setattr(time, "time", lambda: now + 86_400)
     monkeypatch.setattr(time, "localtime", lambda *_: time.gmtime(now + 86_400))
     (tmp_path / "b").mkdir()
-    assert write(torus(8, 6), tmp_path / "b" / f"a{suffix}").read_bytes() == first
+    assert write(solid_torus(8, 6), tmp_path / "b" / f"a{suffix}").read_bytes() == first
 
 
 @pytest.mark.parametrize("suffix", TRIMESH)
@@ -137,13 +111,13 @@ def test_an_open_sheet_is_refused_by_formats_for_solids(tmp_path, suffix):
 )
 def test_an_unknown_suffix_names_the_nearest(tmp_path, name, said):
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / name)
+        write(solid_box(), tmp_path / name)
     assert said in str(caught.value)
     assert ".stl, .3mf, .step" in str(caught.value)
 
 
 def test_capitals_in_a_suffix_and_a_path_as_text_are_welcome(tmp_path):
-    path = write(box(), str(tmp_path / "PART.STL"))
+    path = write(solid_box(), str(tmp_path / "PART.STL"))
     assert path == tmp_path / "PART.STL"
     assert trimesh.load_mesh(path).is_watertight
 
@@ -188,13 +162,13 @@ def broken_disk(failure: BaseException):
     ],
     ids=["full", "broken", "interrupt"],
 )
-def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failure, raised, said, older):
+def test_a_failed_write_leaves_the_folder_unchanged(tmp_path, monkeypatch, failure, raised, said, older):
     path = tmp_path / "part.stl"
     if older:
         path.write_bytes(older)
     monkeypatch.setattr(writing, "open", broken_disk(failure), raising=False)
     with pytest.raises(raised) as caught:
-        write(box(), path)
+        write(solid_box(), path)
     assert said in str(caught.value)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == ([older] if older else [])
 
@@ -204,9 +178,9 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failu
     [("stl", {}, "12 triangles, volume error"), ("step", {"step": "planar"}, "6 faces, volume error"),
      ("step", {"step": "tessellated"}, "12 triangles, volume error"), ("brep", {}, "6 faces, volume error")],
 )  # fmt: skip
-def test_the_report_says_what_was_written_and_how_far_the_volume_is_off(tmp_path, quick_step, suffix, how, holds):
+def test_the_report_gives_path_size_and_volume_error_of_each_file(tmp_path, inspected, suffix, how, holds):
     done: list[Written] = []
-    path = write(box(), tmp_path / f"a.{suffix}", report=done.append, **how)
+    path = write(solid_box(), tmp_path / f"a.{suffix}", report=done.append, **how)
     assert (done[0].path, done[0].size) == (path, path.stat().st_size)
     assert done[0].seconds > 0
     assert abs(done[0].found.off) < 1e-6
@@ -223,7 +197,7 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
 
     monkeypatch.setattr(writing.os, "replace", refused)
     with pytest.raises(ExportError, match="no permission to write there; choose another folder"):
-        write(box(), path)
+        write(solid_box(), path)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"older file"]
 
 
@@ -232,7 +206,7 @@ def test_impossible_targets_are_refused_before_the_work(tmp_path, monkeypatch):
     (tmp_path / "folder.step").mkdir()
     for name, said in (("folder.step", "a folder has that name"), ("missing/a.step", "the folder does not exist")):
         with pytest.raises(ExportError, match=said):
-            write(box(), tmp_path / name)
+            write(solid_box(), tmp_path / name)
     assert [path.name for path in tmp_path.iterdir()] == ["folder.step"]
 
 
@@ -246,7 +220,7 @@ def test_impossible_targets_are_refused_in_a_sentence(tmp_path):
         (tmp_path / "folder.stl", "a folder has that name"),
     ]:
         with pytest.raises(ExportError, match=said) as caught:
-            write(box(), path)
+            write(solid_box(), path)
         assert str(path) in str(caught.value)
     assert sorted(tmp_path.rglob("*")) == before
 
@@ -255,7 +229,7 @@ def test_the_file_behind_a_link_is_replaced_and_the_link_stays(tmp_path):
     (tmp_path / "real").mkdir()
     (tmp_path / "real" / "a.stl").touch()
     (tmp_path / "link.stl").symlink_to(tmp_path / "real" / "a.stl")
-    write(box(), tmp_path / "link.stl")
+    write(solid_box(), tmp_path / "link.stl")
     assert (tmp_path / "link.stl").is_symlink()
     assert (tmp_path / "real" / "a.stl").stat().st_size == 84 + 12 * 50
 
@@ -271,13 +245,13 @@ SPOILT = {
 
 @pytest.mark.parametrize("suffix", [".stl", ".3mf", ".ply", ".obj", ".off", ".glb"])
 @pytest.mark.parametrize("fault", SPOILT)
-def test_a_file_that_says_something_else_is_not_kept(tmp_path, monkeypatch, suffix, fault):
+def test_a_file_that_reads_back_differently_is_removed(tmp_path, monkeypatch, suffix, fault):
     spoil, said = SPOILT[fault]
     form = FORMATS[suffix]
     spoilt = replace(form, encode=lambda part: form.encode(spoil(part)))
     monkeypatch.setitem(FORMATS, suffix, spoilt)
     with pytest.raises(ExportError, match=r"reads back|lib3mf") as caught:
-        write(box(), tmp_path / f"part{suffix}")
+        write(solid_box(), tmp_path / f"part{suffix}")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
@@ -301,7 +275,7 @@ def test_a_sheet_that_reads_back_torn_is_not_kept(tmp_path, monkeypatch):
 @pytest.mark.parametrize("left", [None, 0, 80, -3])
 def test_a_file_of_which_the_end_is_missing_is_not_kept(tmp_path, monkeypatch, suffix, left, folder):
     """libigl says nothing of a PLY file that ends within its last face; trimesh reads names beyond ASCII."""
-    form, sheet, here = FORMATS[suffix], box() if suffix == ".stl" else grid(2, 2, 1.0, 1.0), tmp_path / folder
+    form, sheet, here = FORMATS[suffix], solid_box() if suffix == ".stl" else grid(2, 2, 1.0, 1.0), tmp_path / folder
     here.mkdir()
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=lambda part: [b"".join(form.encode(part))[:left]]))
     if left is None:
@@ -310,15 +284,6 @@ def test_a_file_of_which_the_end_is_missing_is_not_kept(tmp_path, monkeypatch, s
     with pytest.raises(ExportError):
         write(sheet, here / f"sheet{suffix}")
     assert not any(here.iterdir())
-
-
-def needle(gap: float, corner: float) -> Solid:
-    """A box whose edge 0-1 is cut in two by a vertex `gap` from its upper end."""
-    solid = box(corner=(corner, 0.0, 0.0))
-    V = np.r_[solid.V, [solid.V[1] - [0, 0, gap]]]
-    on = [f for f in solid.F.tolist() if {0, 1} <= set(f)]
-    halves = [[8 if v == old else v for v in f] for f in on for old in (0, 1)]
-    return Solid(V, np.array([f for f in solid.F.tolist() if f not in on] + halves), genus=0, pieces=1)
 
 
 def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed(tmp_path):
@@ -336,7 +301,7 @@ def test_vertices_that_rounding_makes_equal_are_merged_and_the_file_stays_closed
 
 
 def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
-    tiny = box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
+    tiny = solid_box(size=SIZE * 1e-4, corner=(5000.0, 0.0, 0.0))
     for suffix in (".stl", ".3mf", ".glb"):
         with pytest.raises(ExportError, match=r"8 vertices of .* too close .* single precision \(first: 0, 1, "):
             write(tiny, tmp_path / f"a{suffix}")
@@ -344,7 +309,7 @@ def test_a_shape_that_rounding_destroys_is_refused(tmp_path):
 
 
 def test_solids_without_an_inside_are_refused(tmp_path):
-    solid = box()
+    solid = solid_box()
     with pytest.raises(ExportError, match="'lid' is open at 3 edges"):
         write(Solid(solid.V, solid.F[1:], 0, 1), tmp_path / "lid.ply")
     with pytest.raises(ExportError, match="not positive"):
@@ -358,7 +323,7 @@ def test_solids_without_an_inside_are_refused(tmp_path):
 
 def test_solids_far_apart_that_touch_in_an_edge_can_be_stl(tmp_path):
     """Two boxes that share the line x = y = 1: STL has no indices, so four triangles meet there, and that is closed."""
-    one, two = box(size=np.ones(3)), box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
     both = Solid(np.r_[one.V, two.V], np.r_[one.F, two.F + 8], genus=0, pieces=2)
     assert trimesh.load_mesh(write(both, tmp_path / "a.stl")).volume == pytest.approx(2e9)
 

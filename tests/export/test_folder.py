@@ -13,28 +13,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export import atomic_file
 from dsfab.export import writing as folders
 from dsfab.export.writing import DESIGN, JOURNAL, atomic_folder, complete_folder, is_abandoned, manifest, partial_name
-
-LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
-OLD = {"a.stl": "old a", "b.step": "old b", "preset.toml": "old"}
-NEW = {"a.stl": "new a", "c.dxf": "new c", "preset.toml": "new"}
-OWN = {"notes.txt": "mine", "c.3dm": "mine too"}
-
-
-def write(place: Path, files: dict[str, str]) -> None:
-    """Files, and a design's manifest of them."""
-    for name, text in files.items():
-        (place / name).write_text(text)
-    (place / DESIGN).write_text(json.dumps({"files": sorted(files), "manifest": manifest(place)}))
-
-
-def delivered(place: Path, files: dict[str, str]) -> None:
-    with atomic_folder(place) as partial:
-        write(partial, files)
-
-
-def held(place: Path) -> dict[str, str]:
-    """The text of every file but the manifest's."""
-    return {path.name: path.read_text() for path in place.iterdir() if path.is_file() and path.name != DESIGN}
+from tests.export.delivered_folders import NEW, OLD, OWN, delivered, held
 
 
 @pytest.fixture(params=["beside", "inside"])
@@ -52,6 +31,9 @@ def place(request, tmp_path):
     return made
 
 
+LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
+
+
 def test_a_new_design_takes_the_place_of_the_old_one_and_of_nothing_else(place):
     """b.step is of the old design and goes; what the user put there stays."""
     delivered(place, NEW)
@@ -62,13 +44,13 @@ def test_a_new_design_takes_the_place_of_the_old_one_and_of_nothing_else(place):
         assert (place / "theirs" / "photo.png").read_text() == "mine"
 
 
-def test_what_the_user_changed_of_an_old_design_is_the_users_own(place):
+def test_an_old_file_that_the_user_changed_is_kept(place):
     (place / "b.step").write_text("drawn over")
     delivered(place, NEW)
     assert held(place) == {**NEW, **OWN, "b.step": "drawn over"}
 
 
-def test_a_failure_leaves_all_as_it_was(place):
+def test_a_failed_delivery_leaves_the_folder_unchanged(place):
     before = held(place)
 
     def half():
@@ -98,7 +80,7 @@ def test_the_manifest_names_sizes_and_hashes(place):
     }
 
 
-def test_a_manifest_that_names_other_places_pushes_nothing_out_there(place):
+def test_a_manifest_with_foreign_paths_removes_nothing_outside(place):
     secret = place.parent / "secret.txt"
     secret.write_text("s")
     known = manifest(place.parent)["secret.txt"]
@@ -117,7 +99,7 @@ def test_a_link_to_a_folder_stays_a_link(tmp_path):
     assert held(real) == NEW
 
 
-def test_a_folder_in_which_somebody_stands_stays_that_folder(tmp_path, monkeypatch):
+def test_a_folder_that_is_a_working_directory_is_not_replaced(tmp_path, monkeypatch):
     place = tmp_path / "out"
     delivered(place, OLD)
     monkeypatch.chdir(place)
@@ -127,7 +109,7 @@ def test_a_folder_in_which_somebody_stands_stays_that_folder(tmp_path, monkeypat
     assert place.stat().st_ino == before
 
 
-def test_the_folder_keeps_its_permissions_and_a_new_one_has_the_usual_ones(tmp_path):
+def test_a_replaced_folder_keeps_its_permissions_and_a_new_folder_has_the_default(tmp_path):
     (tmp_path / "usual").mkdir()
     delivered(tmp_path / "out", OLD)
     assert (tmp_path / "out").stat().st_mode == (tmp_path / "usual").stat().st_mode
@@ -137,7 +119,7 @@ def test_the_folder_keeps_its_permissions_and_a_new_one_has_the_usual_ones(tmp_p
 
 
 @LINUX
-def test_what_is_saved_in_the_moment_of_the_exchange_is_not_lost(tmp_path, monkeypatch):
+def test_a_file_that_is_saved_during_the_exchange_is_not_lost(tmp_path, monkeypatch):
     place, exchange = tmp_path / "out", folders._exchange
     delivered(place, OLD)
     (place / "notes.txt").write_text("first")
@@ -154,7 +136,7 @@ def test_what_is_saved_in_the_moment_of_the_exchange_is_not_lost(tmp_path, monke
 
 
 @pytest.mark.parametrize("able", ["_link", "_exchange"])
-def test_where_disk_or_system_cannot_the_journal_does_it(place, monkeypatch, able):
+def test_a_journal_replaces_links_and_exchange_where_the_system_lacks_them(place, monkeypatch, able):
     monkeypatch.setattr(folders, able, lambda *_: False)
     delivered(place, NEW)
     assert held(place) == {**NEW, **OWN}
@@ -165,7 +147,7 @@ def test_where_disk_or_system_cannot_the_journal_does_it(place, monkeypatch, abl
 KILLED = """
 import json, os, shutil, sys
 from pathlib import Path
-from tests.export.test_folder import NEW, OLD, OWN, delivered, held
+from tests.export.delivered_folders import NEW, OLD, OWN, delivered, held
 from dsfab.export.writing import complete
 
 home, inside = Path(sys.argv[1]), sys.argv[2] == "inside"
@@ -207,7 +189,7 @@ print(json.dumps(ends))
 @pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("where", ["beside", "inside"])
-def test_killed_at_any_step_there_is_the_old_folder_or_the_new_one(tmp_path, where):
+def test_a_killed_delivery_leaves_the_old_or_the_new_folder(tmp_path, where):
     """A process that delivers is ended before each of its calls of the system, one after the other."""
     done = subprocess.run(
         [sys.executable, "-c", KILLED, str(tmp_path), where], capture_output=True, text=True, check=True, cwd=ROOT
@@ -248,7 +230,7 @@ def test_a_number_that_was_given_again_is_not_the_process_that_died():
     assert is_abandoned(f".partial-{host}-{pid}-{int(began) - 1}-{rest}")
 
 
-def test_what_dead_processes_left_is_removed_by_the_next_run_and_nothing_else(tmp_path):
+def test_the_next_run_removes_only_the_leftovers_of_dead_processes(tmp_path):
     host = partial_name().split("-")[1]
     dead = f".partial-{host}-{ended_process()}-1-aa"
     place = tmp_path / "out"

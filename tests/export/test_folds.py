@@ -7,28 +7,18 @@ from functools import partial
 import igl
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, eye_array
 
 from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.folded_sheets import flat_facets, folded_shape, folded_sheet, planar_file
-from dsfab.export.cad.step.strategies import attempts, prepare
+from dsfab.export.cad.step.strategies import attempts
 from dsfab.export.cad.step.worker import program
 from dsfab.export.cad.step.worker.shapes import parts, read
-from dsfab.export.part import part_of
 from dsfab.export.subprocesses import run_program
-from dsfab.slicing import Sheet, cut
+from dsfab.slicing import cut
 from dsfab.surface import SHAPES, Surface
 from dsfab.thickening import offsets, thicken
-from tests.zoo import grid
-
-T, SLOPE = 0.04, 0.6
-
-
-def roof(cells: int = 10, slope: float = SLOPE) -> Surface:
-    """Two strips of 2 x 1 m in plan, which rise to a ridge along x."""
-    flat = grid(2 * cells, 2 * cells, 2.0, 2.0)
-    return Surface(flat.V + np.array([0, 0, slope]) * (1 - np.abs(flat.V[:, 1:2] - 1)), flat.F)
+from tests.export.folded_sheets import SLOPE, T, folded_part, openings, ridged_roof
 
 
 def pyramid() -> Surface:
@@ -39,27 +29,9 @@ def pyramid() -> Surface:
     return Surface(V, F)
 
 
-def folded(surface: Surface, void: np.ndarray):
-    """The solid without the faces `void` of a surface, the part that STEP takes of it, and its sheet."""
-    used, F = np.unique(surface.F[~void], return_inverse=True)
-    kept = Surface(surface.V[used], F.reshape(-1, 3))
-    weights = csr_array(eye_array(surface.n, format="csr")[used])
-    parent = np.flatnonzero(~void)
-    curved = curved_sheet(surface, Sheet(kept, parent, np.zeros(kept.m, dtype=np.int64), weights), T)
-    solid = thicken(kept, offsets(surface, T).D[used])
-    part = replace(prepare(part_of(solid, "roof", 10**6)), curved=lambda: curved, step="planar", tolerance=1.0)
-    return part, solid, curved
-
-
-def openings(surface: Surface) -> np.ndarray:
-    """(m,) the faces of one square opening in a strip, and of one across the ridge."""
-    x, y = surface.centroids[:, 0], surface.centroids[:, 1]
-    return ((x > 0.2) & (x < 0.6) & (y > 0.3) & (y < 0.7)) | ((x > 1.2) & (x < 1.6) & (y > 0.6) & (y < 1.4))
-
-
 def test_two_strips_are_planes_that_meet_in_a_mitred_ridge():
-    surface = roof()
-    part, _, _ = folded(surface, openings(surface))
+    surface = ridged_roof()
+    part, _, _ = folded_part(surface, openings(surface))
     sheet = folded_sheet(part)
     assert (sheet.count, len(sheet.outline.regions)) == (2, 2)
     ridge = np.flatnonzero(np.isclose(sheet.outline.V[:, 1], 1000))
@@ -72,15 +44,15 @@ def test_two_strips_are_planes_that_meet_in_a_mitred_ridge():
     assert text.count("=ORIENTED_EDGE(") == 2 * text.count("=EDGE_CURVE(")
 
 
-def test_edges_of_facets_aslant_keep_to_their_planes_as_near_as_occt_asks_at_all(tmp_path):
+def test_edges_of_oblique_facets_lie_on_their_planes_within_the_limit_of_occt(tmp_path):
     """On a turned roof of 8 m with 6 decimals they were 1e-6 mm off, and what shortens an edge found it too far off."""
     from OCP.BRep import BRep_Tool
     from OCP.TopoDS import TopoDS
 
     turned = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
-    surface = roof()
+    surface = ridged_roof()
     surface = Surface(4 * surface.V @ turned * np.linalg.det(turned), surface.F)
-    part, _, _ = folded(surface, openings(roof()))
+    part, _, _ = folded_part(surface, openings(ridged_roof()))
     path = tmp_path / "roof.step"
     path.write_text("".join(planar_file(part).texts), encoding="ascii")
     edges = parts(read(path), "EDGE")
@@ -97,17 +69,17 @@ def off_planes(sheet) -> float:
 
 
 def test_vertices_that_a_file_rounded_are_put_into_their_planes():
-    exact = roof()
+    exact = ridged_roof()
     surface = Surface(np.round(exact.V @ np.array([[0.8, 0.6, 0], [-0.6, 0.8, 0], [0, 0, 1 / 7]]).T, 6), exact.F)
-    part, _, _ = folded(surface, openings(exact))
+    part, _, _ = folded_part(surface, openings(exact))
     sheet = folded_sheet(part)
     assert sheet.count == 2
     assert off_planes(sheet) < 1e-5
 
 
-def test_faces_around_a_corner_where_too_many_planes_meet_are_facets_of_their_own():
+def test_a_corner_of_too_many_planes_keeps_its_facets():
     surface = pyramid()
-    part, _, _ = folded(surface, np.zeros(surface.m, dtype=bool))
+    part, _, _ = folded_part(surface, np.zeros(surface.m, dtype=bool))
     sheet = folded_sheet(part)
     top = int(np.linalg.norm(sheet.outline.V - [0, 0, 600], axis=1).argmin())
     around = (top == sheet.outline.F).any(axis=1)
@@ -120,34 +92,34 @@ def test_faces_around_a_corner_where_too_many_planes_meet_are_facets_of_their_ow
 def test_curved_and_plane_sheets_are_not_folded():
     for name in ("plate", "hypar"):
         surface = SHAPES[name]() if name == "plate" else SHAPES[name](edge=0.8)
-        part, _, _ = folded(surface, np.zeros(surface.m, dtype=bool))
+        part, _, _ = folded_part(surface, np.zeros(surface.m, dtype=bool))
         assert folded_sheet(part) is None
 
 
 @pytest.mark.parametrize(("slope", "first"), [(SLOPE, "planar"), (0.1, "smooth")])
 def test_only_creases_are_taken_for_folds_unasked(slope, first):
     """A cylinder's mesh has flat strips, too."""
-    surface = roof(slope=slope)
-    part, _, _ = folded(surface, openings(surface))
+    surface = ridged_roof(slope=slope)
+    part, _, _ = folded_part(surface, openings(surface))
     assert folded_sheet(part).count == 2
     assert flat_facets(part).has_creases == (first == "planar")
     assert next(attempts(replace(part, step="auto"))).step == first
     assert next(attempts(part)).step == "planar"
 
 
-def test_the_mesh_of_a_curved_sheet_is_told_before_its_outlines_are_found(monkeypatch):
+def test_a_curved_sheet_is_refused_before_its_outlines_are_computed(monkeypatch):
     """Mitring and outlines of each triangle of a dome took seven seconds, and were not asked for."""
-    surface = roof(slope=0.1)
-    part, _, _ = folded(surface, openings(surface))
+    surface = ridged_roof(slope=0.1)
+    part, _, _ = folded_part(surface, openings(surface))
     monkeypatch.setattr("dsfab.export.cad.step.folded_sheets.sheet_of", lambda *_: pytest.fail("outlines were found"))
     assert next(attempts(replace(part, step="auto"))).step == "smooth"
 
 
 @pytest.mark.slow
 def test_a_roof_with_openings_is_written_cut_and_measured(tmp_path):
-    surface = roof()
+    surface = ridged_roof()
     void = openings(surface)
-    _, solid, curved = folded(surface, void)
+    _, solid, curved = folded_part(surface, void)
     said, path = list[str](), tmp_path / "roof.step"
     write(solid, path, step=StepOptions("auto", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is planar, 2 flat facets mitred at their folds")
@@ -161,7 +133,7 @@ def test_a_roof_with_openings_is_written_cut_and_measured(tmp_path):
 @pytest.mark.slow
 def test_openings_in_facets_have_the_plain_rule_right(tmp_path):
     """Nearly square ones: with edges of 6 spans, which are uneven, the volume by that rule was .3 % wrong."""
-    surface = roof(16)
+    surface = ridged_roof(16)
     off = np.abs(surface.V[:, None, :2] - np.array([[0.5, 0.5], [1.4, 1.5]])) / 0.3
     away = ((off**6).sum(axis=2)).min(axis=1) ** (1 / 6) - 1
     sheet = cut(surface, [away], [np.array([0.0])]).subset()

@@ -14,7 +14,7 @@ from dsfab.export import FORMATS, write
 from dsfab.members.frame import solve_frame
 from dsfab.surface.shapes import plate
 from tests.calculix import needs_ccx, solved
-from tests.export.test_saf import crooked, written
+from tests.export.saf_members import crooked, written
 from tests.opensees import needs_opensees, run
 
 CASES = ("dead", "snow", "crowd", "ULS 1", "lifted")
@@ -81,7 +81,7 @@ def test_names_of_nodes_and_cases_cannot_break_the_script(tmp_path):
 
 
 def test_a_sheet_alone_has_no_beam_model_and_people_say_opensees(tmp_path, capsys):
-    for suffix in (".tcl", ".beams.inp"):
+    for suffix in (".tcl", ".beams.inp", ".saf.xlsx"):
         with pytest.raises(ExportError, match="'x' has no beam model; only a design knows it"):
             write(plate(1, 1, 1), tmp_path / f"x{suffix}")
     assert format_suffix("opensees") == format_suffix("tcl") == ".tcl"

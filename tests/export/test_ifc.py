@@ -8,32 +8,11 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.bim import ifc
-from tests.export.test_export import box, torus
-from tests.export.test_pieces import three
-
-ifcopenshell = pytest.importorskip("ifcopenshell", reason="ifcopenshell (extra ifc) is not installed")
+from tests.export.ifc_files import amounts, faults, ifcopenshell
+from tests.export.solid_pieces import three
+from tests.export.solids import solid_box, solid_torus
 
 STEEL = Details(measures={"thickness": 0.05, "density": 7850.0, "young": 210e9, "poisson": 0.3}, material="S235")
-
-
-def faults(path) -> list:
-    import ifcopenshell.validate
-
-    logger = ifcopenshell.validate.json_logger()
-    ifcopenshell.validate.validate(str(path), logger)
-    return [entry for entry in logger.statements if entry.get("level") in ("error", "warning")]
-
-
-def amounts(element) -> dict[str, float]:
-    """Quantities and properties by name."""
-    found = {}
-    for relation in element.IsDefinedBy:
-        given = relation.RelatingPropertyDefinition
-        if given.is_a("IfcElementQuantity"):
-            found |= {one.Name: one[3] for one in given.Quantities}
-        else:
-            found |= {one.Name: one.NominalValue.wrappedValue for one in given.HasProperties}
-    return found
 
 
 def test_a_file_of_three_pieces_is_valid_and_measured(tmp_path):
@@ -60,9 +39,11 @@ def test_a_file_of_three_pieces_is_valid_and_measured(tmp_path):
     assert len({one.GlobalId for one in model.by_type("IfcRoot")}) == len(model.by_type("IfcRoot"))
 
 
-def test_the_geometry_kernel_finds_the_box_where_it_is(tmp_path):
+def test_the_geometry_kernel_of_ifcopenshell_places_the_box_correctly(tmp_path):
     geom = pytest.importorskip("ifcopenshell.geom")
-    model = ifcopenshell.open(str(write(box(corner=(1.0, -2.0, 0.5)), tmp_path / "a.ifc")))  # keep it: elements do not
+    model = ifcopenshell.open(
+        str(write(solid_box(corner=(1.0, -2.0, 0.5)), tmp_path / "a.ifc"))
+    )  # keep it: elements do not
     shape = geom.create_shape(geom.settings(), model.by_type("IfcPlate")[0])
     points = np.array(shape.geometry.verts).reshape(-1, 3)  # metres
     assert points.min(axis=0) == pytest.approx([1.0, -2.0, 0.5])
@@ -74,22 +55,22 @@ def test_a_survey_finds_the_site(tmp_path):
     from ifcopenshell.util.geolocation import auto_xyz2enh
 
     site = (452_341.0, 5_567_120.0, 212.5)
-    path = write(box(), tmp_path / "a.ifc", details=replace(STEEL, origin=site))
+    path = write(solid_box(), tmp_path / "a.ifc", details=replace(STEEL, origin=site))
     assert faults(path) == []
     model = ifcopenshell.open(str(path))
     assert auto_xyz2enh(model, 1500.0, -250.0, 2000.0) == pytest.approx((452_342.5, 5_567_119.75, 214.5), abs=1e-6)
-    here = ifcopenshell.open(str(write(box(), tmp_path / "b.ifc", details=STEEL)))
+    here = ifcopenshell.open(str(write(solid_box(), tmp_path / "b.ifc", details=STEEL)))
     assert not here.by_type("IfcCoordinateOperation")
 
 
-def test_what_is_not_known_is_left_out(tmp_path):
-    model = ifcopenshell.open(str(write(box(), tmp_path / "a.ifc")))
+def test_unknown_quantities_are_omitted(tmp_path):
+    model = ifcopenshell.open(str(write(solid_box(), tmp_path / "a.ifc")))
     assert not model.by_type("IfcMaterial")
     assert set(amounts(model.by_type("IfcPlate")[0])) == {"NetVolume", "NetSurfaceArea"}
 
 
 def test_the_same_solid_gives_the_same_bytes(tmp_path):
-    one, two = (write(torus(), tmp_path / f"{k}.ifc", name="a", details=STEEL).read_bytes() for k in "ab")
+    one, two = (write(solid_torus(), tmp_path / f"{k}.ifc", name="a", details=STEEL).read_bytes() for k in "ab")
     assert one == two
 
 
@@ -103,11 +84,11 @@ def test_a_spoilt_file_is_not_kept(old, new, tmp_path, monkeypatch):
     spoilt = replace(form, encode=lambda part: (chunk.replace(old, new) for chunk in form.encode(part)))
     monkeypatch.setitem(FORMATS, ".ifc", spoilt)
     with pytest.raises(ExportError):
-        write(box(), tmp_path / "a.ifc")
+        write(solid_box(), tmp_path / "a.ifc")
     assert not any(tmp_path.iterdir())
 
 
-def test_without_ifcopenshell_one_sentence_says_what_to_install(tmp_path, monkeypatch):
+def test_without_ifcopenshell_the_error_names_the_package_to_install(tmp_path, monkeypatch):
     monkeypatch.setattr(ifc.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(ExportError, match=r'pip install "dsfab\[ifc\]"'):
-        write(box(), tmp_path / "a.ifc")
+        write(solid_box(), tmp_path / "a.ifc")

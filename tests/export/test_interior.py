@@ -11,7 +11,7 @@ from dsfab.export.cad.step.by_members import build
 from dsfab.export.cad.step.by_members.regions import INNER, MORE, RegionInterior
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.plan import SolidPlan
-from tests.export.test_network import cylinder_strip, draft_of, striped
+from tests.export.member_networks import cylinder_strip, draft_of, striped
 
 
 def test_long_cells_have_more_points_where_faces_are_to_be_fine():

@@ -26,8 +26,7 @@ from dsfab.export.cad.step.worker.reports import OcctFinding
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.surface.shapes.round_shapes import sphere
-from tests.export.test_estimate import saddle
-from tests.export.test_export import quick_step  # noqa: F401
+from tests.export.curved_solids import saddle_solid
 from tests.smooth import THICKNESS, holed, thickened
 
 
@@ -67,7 +66,9 @@ def chosen(solid, **how):
 
 
 @pytest.mark.slow
-def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, cut, unread):
+def test_a_slow_smooth_file_is_written_when_planar_faces_are_too_many(
+    tmp_path, slow_vault, inspected_pieces, cut, unread
+):
     said, (solid, curved) = [], slow_vault
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved, faces=60), note=said.append)
     assert faces(path) < 30
@@ -120,7 +121,7 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
     _require_few(replace(part, hurry=strategies.MEMBER_FACES_FACTOR), 7001)
 
 
-def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):
+def test_quick_refuses_ways_that_take_long(tmp_path, slow_vault, inspected_pieces, unread, monkeypatch):
     """The same solid: what `auto` makes in the end, `quick` leaves, and says what each way would cost."""
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
     monkeypatch.setattr(acceptance, "MOST_WALLS", 1)
@@ -140,8 +141,8 @@ def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("budget", "way"), [(1200, "faceted"), (1000, "simplified"), (650, "simplified")])
-def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_step, budget, way):  # noqa: F811
-    said, solid = [], saddle()
+def test_the_written_way_is_the_estimated_way(tmp_path, inspected, budget, way):
+    said, solid = [], saddle_solid()
     path = write(solid, tmp_path / "a.step", step=StepOptions(faces=budget), note=said.append)
     found = chosen(solid, step=StepOptions(faces=budget))
     assert (found.way, found.faces) == (way, faces(path))
@@ -154,8 +155,8 @@ def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_ste
         assert 4.2 < moved <= 1000 * strategies.SIMPLIFIED_OFF_SURFACE * OFF_SURFACE * 0.1
 
 
-def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_path, unread):
-    solid = saddle()
+def test_a_refusal_lists_the_cost_of_each_way_without_reading_a_file_back(tmp_path, unread):
+    solid = saddle_solid()
     with pytest.raises(ExportError) as caught:
         write(solid, tmp_path / "a.step", step=StepOptions(faces=10))
     said = str(caught.value)
@@ -168,29 +169,29 @@ def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_pat
     assert chosen(solid, step=StepOptions(faces=10)) is None
 
 
-def test_quick_simplifies_no_further_what_is_far_over_the_budget(tmp_path, unread, monkeypatch):
+def test_quick_does_not_simplify_solids_far_over_the_budget(tmp_path, unread, monkeypatch):
     tried, true = [], strategies.simplified_part
     monkeypatch.setattr(strategies, "simplified_part", lambda part, by: tried.append(by) or true(part, by))
     for faces, times in ((10, 1), (500, 2)):
         tried.clear()
         with suppress(ExportError):
-            write(saddle(), tmp_path / "a.step", step=StepOptions("quick", faces=faces))
+            write(saddle_solid(), tmp_path / "a.step", step=StepOptions("quick", faces=faces))
         assert len(tried) == times
 
 
-def test_a_tolerance_that_was_asked_for_is_not_exceeded_to_keep_to_the_budget(tmp_path, unread):
-    part = strategies.prepare(part_of(saddle(), "a", 100))
+def test_a_requested_tolerance_is_kept_even_over_the_budget(tmp_path, unread):
+    part = strategies.prepare(part_of(saddle_solid(), "a", 100))
     asked = [
         one for one in strategies.attempts(strategies.replace(part, step="auto", tolerance=1.0)) if one.step != "planar"
     ]
     assert [one.part.tolerance if isinstance(one, BudgetError) else one.tolerance for one in asked] == [1.0]
 
 
-def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
+def test_simplification_stops_if_it_does_not_help(monkeypatch):
     """One try, beyond the tolerance, that leaves twice the faces."""
     tries, true = [], file_size._tried
     monkeypatch.setattr(file_size, "_tried", lambda part, by: tries.append(by) or (true(part, by)[0], 1e9))
-    part = strategies.prepare(part_of(saddle(), "a", 400))
+    part = strategies.prepare(part_of(saddle_solid(), "a", 400))
     with pytest.raises(BudgetError, match=r"about \d+ planar faces, more than step_faces = 400"):
         file_size.simplified_part(part, 4.0)
     assert len(tries) == 1
@@ -199,8 +200,8 @@ def test_simplifying_is_given_up_where_it_is_of_no_use(monkeypatch):
     assert len(tries) == 1 + file_size.TRIES
 
 
-def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
-    part = strategies.prepare(part_of(saddle(), "a", 10))
+def test_a_refusal_over_the_budget_lists_the_failed_ways():
+    part = strategies.prepare(part_of(saddle_solid(), "a", 10))
     said = str(strategies.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
     assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
     assert said.endswith("or raise step_faces (tried too: a gap)")
@@ -216,7 +217,7 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
     assert str(strategies.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 
-def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, monkeypatch):
+def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, inspected_pieces, monkeypatch):
     """And not with the mesh, which is smaller."""
     found = {"solids": 1, "valid": True, "tessellates": True, "faces": 1}
     monkeypatch.setattr(
@@ -230,7 +231,7 @@ def test_a_smooth_brep_is_compared_with_its_pieces(tmp_path, slow_vault, here, m
         write(solid, tmp_path / "a.brep", step=StepOptions("smooth", curved=curved))
 
 
-def test_a_smooth_solid_that_occt_cannot_cut_gives_way_to_facets_of_no_large_file(slow_vault, here, cut, monkeypatch):
+def test_facets_replace_a_smooth_solid_that_occt_cannot_cut(slow_vault, inspected_pieces, cut, monkeypatch):
     solid, curved = slow_vault
     part = strategies.prepare(replace(part_of(solid, "a", STEP_FACES), step="auto", curved=curved))
     smooth = next(one for one in strategies.attempts(part) if one.step == "smooth")
@@ -247,7 +248,7 @@ def test_a_smooth_solid_that_occt_cannot_cut_gives_way_to_facets_of_no_large_fil
 
 
 def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
-    tmp_path, slow_vault, here, cut, monkeypatch
+    tmp_path, slow_vault, inspected_pieces, cut, monkeypatch
 ):
     """A triangle is missing where OCCT draws it."""
     whole, faceted = soundness.read_step, {"solids": 1, "valid": True, "tessellates": True}
@@ -277,7 +278,7 @@ def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault
         step.check(part, path)
 
 
-def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut(slow_vault, cut, monkeypatch):
+def test_a_trial_cut_is_judged_by_halves_and_box_and_skipped_for_large_files(slow_vault, cut, monkeypatch):
     solid, curved = slow_vault
     part = strategies.prepare(part_of(solid, "a", STEP_FACES))
     limits = acceptance.SmoothPlan(replace(part, curved=curved)).limits
@@ -305,7 +306,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
         network_build._require_solid(part, acceptance.SmoothPlan(part), draft, found, None)
 
 
-def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):
+def test_compact_is_smooth_and_names_the_way_that_cad_can_cut(tmp_path, slow_vault, inspected_pieces):
     solid, curved = slow_vault
     said = list[str]()
     write(solid, tmp_path / "a.step", step=StepOptions("compact", curved=curved), note=said.append)
@@ -313,7 +314,7 @@ def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, h
     assert said[0].endswith("; cutting it in CAD may fail: write step = 'faceted' to cut it there")
 
 
-def test_who_cuts_in_cad_is_told_the_way_that_helps(slow_vault):
+def test_a_file_that_cad_cannot_cut_gives_a_note_with_the_way_to_use(slow_vault):
     """Members refused for their number of faces alone are made where they are asked for by name."""
     solid, curved = slow_vault
     part = replace(part_of(solid, "a", 10), step="members")

@@ -14,38 +14,17 @@ import trimesh
 
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
-from dsfab.export.cad.step import file as step_lines
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.drawing.svg import TITLE, scale_name
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, views, views_on_paper
 from dsfab.export.part import part_of
-from dsfab.pattern import Stripes
-from dsfab.slicing import cut
-from dsfab.slicing.measures.lines import centre_lines, edge_lines
-from dsfab.surface import Surface
 from dsfab.surface.fields import StructureLine
-from tests.zoo import grid, lifted, sphere
+from tests.export.striped_solids import ARCHED, FLAT, striped
+from tests.shapes import grid, sphere
 
 LINES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "lines"]
 
 
-def striped(surface: Surface, along=(1.0, 0.0, 0.0), frequency: float = 2.0) -> tuple[Surface, Details]:
-    """A sheet of stripes with its lines."""
-    x = surface.V @ np.array(along)
-    stripes = Stripes(frequency, phase=0.5)
-    sheet = cut(surface, [x], [stripes.levels(x)]).subset()
-    z, d = stripes.phases(x), np.full(surface.n, stripes.half_width)
-    lines = edge_lines(sheet, surface, ["major"], [z]) + centre_lines(sheet, "major", z, d)
-    return sheet.surface, Details(tuple(lines), 1e-4, facts=("10 mm thick", "S235 <steel> & more"))
-
-
-FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 * x * (1 - x)), frequency=4.0)
-
-
-@pytest.fixture(autouse=True)
-def _here(monkeypatch):
-    """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_facts(path))
+pytestmark = pytest.mark.usefixtures("inspected")
 
 
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
@@ -77,7 +56,7 @@ def test_dxf_passes_the_audit_with_all_lines_in_place_on_their_layers(made, tmp_
     assert (layer.dxf.linetype, layer.dxf.lineweight, layer.color) == ("CENTER", 13, 5)
 
 
-def test_trimesh_finds_the_cutting_lines_of_a_flat_sheet_as_long_as_they_are(tmp_path):
+def test_trimesh_reads_the_cutting_lines_of_a_flat_sheet_in_their_true_length(tmp_path):
     """A reader that is not ezdxf."""
     sheet, details = FLAT
     with open(write(sheet, tmp_path / "a.dxf", details=details), "rb") as file:
@@ -174,7 +153,7 @@ def test_the_far_side_of_a_sphere_is_hidden_and_the_near_side_is_not():
     assert whole == pytest.approx(2000 * np.pi, rel=1e-3)
 
 
-def test_one_layer_is_filled_as_far_as_it_is_material():
+def test_the_filled_layer_covers_the_material_only():
     sheet, _ = FLAT
     part = part_of(sheet, "a", 1)
     (plan,) = views(part)
@@ -185,7 +164,7 @@ def test_one_layer_is_filled_as_far_as_it_is_material():
 
 
 @both
-def test_csv_and_json_have_every_line_with_what_it_is(made, tmp_path):
+def test_csv_and_json_list_each_line_with_its_kind(made, tmp_path):
     sheet, details = made
     with open(write(sheet, tmp_path / "a.csv", details=details), encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
@@ -213,7 +192,7 @@ def test_the_same_lines_give_the_same_bytes_on_another_day(suffix, tmp_path, mon
 
 
 @pytest.mark.parametrize("suffix", LINES)
-def test_a_drawing_without_lines_is_refused_and_one_that_lost_some_is_not_kept(suffix, tmp_path, monkeypatch):
+def test_a_drawing_without_lines_is_refused_and_a_drawing_with_lost_lines_is_removed(suffix, tmp_path, monkeypatch):
     with pytest.raises(ExportError, match=f"a {suffix} file needs lines, but 'a' has none"):
         write(FLAT[0], tmp_path / f"a{suffix}")
     form = FORMATS[suffix]

@@ -19,13 +19,12 @@ from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
-from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.surface.fields import StructureLine
-from tests.export.test_export import box
-from tests.export.test_lines import ARCHED, FLAT
+from tests.export.solids import solid_box
+from tests.export.striped_solids import ARCHED, FLAT
 from tests.presets import DOME_MODES
-from tests.zoo import grid
+from tests.shapes import grid
 
 SMALL = {"surface.edge": 0.12, "export.formats": ["stl"]}
 
@@ -40,16 +39,10 @@ def dome():
     return run(load_preset(DOME_MODES, {"surface.edge": 0.9}))
 
 
-@pytest.fixture
-def quick_step(monkeypatch):
-    """Inspect BREP files in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
-
-
 def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     details = ARCHED[1]
-    model = rhino3dm.File3dm.Read(str(write(box(), tmp_path / "a.3dm", details=details, name="arch")))
+    model = rhino3dm.File3dm.Read(str(write(solid_box(), tmp_path / "a.3dm", details=details, name="arch")))
     assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
     layers = {layer.Index: layer for layer in model.Layers}
     assert {layer.Name for layer in layers.values()} == {"sheet", *(line.layer for line in details.lines)}
@@ -75,25 +68,26 @@ def test_a_3dm_file_has_the_same_bytes_each_time(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     (tmp_path / "elsewhere").mkdir()
     code = (
-        "import sys; from dsfab.export import write; from tests.export.test_export import box\n"
-        "from tests.export.test_lines import ARCHED; write(box(), sys.argv[1], details=ARCHED[1], name='arch')"
+        "import sys; from dsfab.export import write; from tests.export.solids import solid_box\n"
+        "from tests.export.striped_solids import ARCHED\n"
+        "write(solid_box(), sys.argv[1], details=ARCHED[1], name='arch')"
     )
     subprocess.run(
         [sys.executable, "-c", code, tmp_path / "elsewhere" / "b.3dm"], check=True, cwd=Path(__file__).parents[2]
     )
     time.sleep(1.1)
-    content = write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="arch").read_bytes()
+    content = write(solid_box(), tmp_path / "a.3dm", details=ARCHED[1], name="arch").read_bytes()
     assert content == (tmp_path / "elsewhere" / "b.3dm").read_bytes()
     assert "elsewhere".encode("utf-16-le") not in content
     model = rhino3dm.File3dm.Read(str(tmp_path / "a.3dm"))
     ids = [str(item.Attributes.Id) for item in model.Objects] + [str(layer.Id) for layer in model.Layers]
     assert len(set(ids)) == len(ids) == 1 + len(ARCHED[1].lines) + len(model.Layers)
     assert (model.Created.year, model.LastEdited.year) == (1980, 1980)
-    other = rhino3dm.File3dm.Read(str(write(box(), tmp_path / "a.3dm", details=ARCHED[1], name="other")))
+    other = rhino3dm.File3dm.Read(str(write(solid_box(), tmp_path / "a.3dm", details=ARCHED[1], name="other")))
     assert {str(item.Attributes.Id) for item in other.Objects}.isdisjoint(ids), "two designs may meet in one model"
 
 
-def test_the_history_of_an_archive_is_found_wherever_it_is_and_its_checksum_is_right():
+def test_the_times_in_a_3dm_archive_are_removed_and_its_checksum_is_valid():
     """Names of who made and changed it are kept, whatever their length."""
     names = [text.encode("utf-16-le") for text in ("Ada\0", "")]
     parts = [len(name) // 2 for name in names]
@@ -127,16 +121,16 @@ def test_a_3dm_file_that_lost_a_triangle_or_a_curve_is_not_kept(tmp_path, monkey
     ):
         monkeypatch.setitem(FORMATS, ".3dm", replace(form, encode=lambda part, s=spoil: form.encode(s(part))))
         with pytest.raises(ExportError, match=said):
-            write(box(), tmp_path / "a.3dm", details=details)
+            write(solid_box(), tmp_path / "a.3dm", details=details)
     assert not any(tmp_path.iterdir())
 
 
-def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tmp_path, monkeypatch, capsys):
+def test_without_rhino3dm_the_error_names_the_package_before_any_work(tmp_path, monkeypatch, capsys):
     found = importlib.util.find_spec
     monkeypatch.setattr(importlib.util, "find_spec", lambda name, *a: None if name == "rhino3dm" else found(name, *a))
     said = '.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"'
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "a.3dm")
+        write(solid_box(), tmp_path / "a.3dm")
     assert str(caught.value) == said
     for command in (["export", DOME_MODES, "--to", "3dm"], ["build", "dome", "--format", "stl,3dm"]):
         assert main([*command, "-o", str(tmp_path / "a.3dm")]) == 1
@@ -146,10 +140,10 @@ def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tm
 
 
 @pytest.mark.slow
-def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
+def test_occt_finds_the_solid_of_a_brep_file(tmp_path, inspected, design):
     from build123d import import_brep
 
-    shape = import_brep(write(box(), tmp_path / "a.brep"))
+    shape = import_brep(write(solid_box(), tmp_path / "a.brep"))
     assert (len(shape.solids()), len(shape.faces()), shape.is_valid) == (1, 6, True)
     assert shape.volume == pytest.approx(0.2 * 0.3 * 0.05 * 1e9)
     told: list[str] = []
@@ -159,13 +153,13 @@ def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
     assert told == [f"BREP is planar, its outline within {1000 * 0.01 / 40:.3g} mm of the mesh"]
 
 
-def test_a_brep_file_of_another_solid_is_not_kept(tmp_path, quick_step, monkeypatch):
+def test_a_brep_file_of_another_solid_is_not_kept(tmp_path, inspected, monkeypatch):
     from dataclasses import replace
 
     form = FORMATS[".brep"]
     monkeypatch.setitem(FORMATS, ".brep", replace(form, encode=lambda part: form.encode(replace(part, V=1.1 * part.V))))
     with pytest.raises(ExportError, match="reads back with volume"):
-        write(box(), tmp_path / "a.brep")
+        write(solid_box(), tmp_path / "a.brep")
     assert not any(tmp_path.iterdir())
 
 
@@ -222,7 +216,7 @@ def test_stresses_of_every_case_have_a_name():
 
 
 @pytest.mark.parametrize("which", ["design", "dome"])
-def test_lines_of_a_design_outline_its_sheet_and_run_inside_it(which, request):
+def test_the_lines_of_a_design_lie_on_or_inside_its_outline(which, request):
     made = request.getfixturevalue(which)
     lines, sheet = design_lines(made), made.sheet.surface
     ends = sheet.V[sheet.edges.ends[sheet.edges.boundary]]
@@ -260,7 +254,7 @@ def test_a_family_that_covers_everything_or_nothing_has_no_middles():
         assert {line.layer for line in lines if line.kind == "centre"} == left
 
 
-def test_what_goes_into_which_format(design):
+def test_each_format_receives_its_own_object(design):
     with pytest.raises(DsfabError, match="dsfab cannot check the members"):
         deliverable(design, ".member_utilisation.csv")
     for suffix, form in FORMATS.items():
@@ -284,7 +278,7 @@ def test_what_goes_into_which_format(design):
 
 
 @pytest.mark.slow
-def test_build_and_export_write_them(tmp_path, capsys):
+def test_build_and_export_write_all_line_formats(tmp_path, capsys):
     small = ("--set", "surface.edge=0.12")
     folder = tmp_path / "built"
     formats = "dxf,svg,csv,json,off,vtu"

@@ -14,7 +14,6 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
-from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.by_members import borders, draft, patch_sides
@@ -26,48 +25,31 @@ from dsfab.export.cad.step.by_members.fillets import without_fillets
 from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
 from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
 from dsfab.export.cad.step.by_members.patch_sides import SideStations, paired_shares, quad_of
-from dsfab.export.cad.step.by_members.patches import (
-    FaceLimits,
-    _beyond_mesh,
-    _powers,
-    coons,
-    least_jacobian,
-    patches_on_skins,
-)
+from dsfab.export.cad.step.by_members.patches import _beyond_mesh, _powers, coons, least_jacobian, patches_on_skins
 from dsfab.export.cad.step.by_members.region_division import _narrow, with_cut_ends
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
 from dsfab.export.cad.step.entities import StepEntities
-from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.plan import SolidPlan
-from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.cad.step.worker import program, reports
-from dsfab.export.part import StripedSheet, part_of
+from dsfab.export.part import StripedSheet
 from dsfab.export.splines import Spline, bernstein
 from dsfab.export.subprocesses import run_program
-from dsfab.slicing import Sheet
 from dsfab.study.file_check import read_shipped
 from dsfab.surface import SHAPES, Surface, nearest_places
 from dsfab.surface.topology import on_boundary
-from dsfab.thickening import offsets, thicken
-
-T = 0.04
-RADIUS = 2.0
-
-
-def cylinder_strip(columns: int = 40, rows: int = 12) -> Surface:
-    """A quarter of a cylinder of radius 2 m, 1 m long."""
-    angle, x = np.meshgrid(np.linspace(0, np.pi / 2, columns + 1), np.linspace(0, 1, rows + 1), indexing="ij")
-    V = np.stack([x, RADIUS * np.cos(angle), RADIUS * np.sin(angle)], axis=2).reshape(-1, 3)
-    i = np.arange(columns * (rows + 1)).reshape(columns, rows + 1)[:, :-1].ravel()
-    a, b, c, d = i, i + 1, i + rows + 2, i + rows + 1
-    return Surface(V, np.concatenate([np.stack([a, c, b], axis=1), np.stack([a, d, c], axis=1)]))
-
-
-def flat_strip() -> Surface:
-    given = cylinder_strip()
-    angle = np.arctan2(given.V[:, 2], given.V[:, 1])
-    return Surface(np.stack([given.V[:, 0], RADIUS * angle, 0 * angle], axis=1), given.F)
+from tests.export.member_networks import (
+    RADIUS,
+    T,
+    asked,
+    cylinder_grid,
+    cylinder_strip,
+    draft_of,
+    flat_model,
+    flat_strip,
+    lifting_of,
+    striped,
+)
 
 
 def bent_strip() -> Surface:
@@ -76,41 +58,6 @@ def bent_strip() -> Surface:
     V = given.V.reshape(13, 13, 3).copy()
     V[1::2] = (V[:-1:2] + V[2::2]) / 2
     return Surface(V.reshape(-1, 3), given.F)
-
-
-def striped(surface: Surface, kept=None, label=None) -> StripedSheet:
-    """Some cells of a surface, with labels of theirs."""
-    kept = np.ones(surface.m, dtype=bool) if kept is None else kept
-    label = np.zeros(surface.m, dtype=np.int64) if label is None else label
-    used, F = np.unique(surface.F[kept], return_inverse=True)
-    rows = csr_array(eye_array(surface.n, format="csr")[used])
-    return StripedSheet(F.reshape(-1, 3), rows, label[kept], np.zeros(int(kept.sum()), dtype=bool))
-
-
-def grid(surface: Surface) -> StripedSheet:
-    """Two members along the cylinder and two across, with their crossings; the middle is an opening."""
-    angle, x = np.arctan2(*surface.centroids.T[[2, 1]]) / (np.pi / 2), surface.centroids[:, 0]
-    along, across = (x < 0.25) | (x > 0.75), (angle < 0.2) | (angle > 0.8)
-    return striped(surface, along | across, (along + 2 * across).astype(np.int64))
-
-
-def draft_of(surface: Surface, sheet: StripedSheet):
-    kept = Surface(surface.V[sheet.weights.indices], sheet.F)
-    D = offsets(surface, T).D
-    solid = thicken(kept, D[sheet.weights.indices])
-    curved = replace(_curved(surface, kept, sheet), striped=lambda: sheet)
-    part = replace(prepare(part_of(solid, "strip", 10**6)), curved=lambda: curved)
-    return part, solid, curved
-
-
-def _curved(surface: Surface, kept: Surface, sheet: StripedSheet):
-    parent = np.zeros(kept.m, dtype=np.int64)
-    return curved_sheet(surface, Sheet(kept, parent, parent, sheet.weights), T)
-
-
-def lifting_of(surface: Surface) -> Lifting:
-    curved = _curved(surface, surface, striped(surface))
-    return Lifting.from_sheet(surface, curved)
 
 
 def two_chains_of_a_line(x: float, seed: int) -> tuple[NetLines, ChainCurve]:
@@ -124,7 +71,7 @@ def two_chains_of_a_line(x: float, seed: int) -> tuple[NetLines, ChainCurve]:
 
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.95), st.integers(0, 10**6))
-def test_curves_of_chains_are_parts_of_their_line_and_ends_move_them_by_their_share(x, seed):
+def test_curves_of_chains_are_parts_of_one_line_and_follow_its_moved_ends(x, seed):
     lines, whole = two_chains_of_a_line(x, seed)
     at = np.linspace(0, 1, 21)
     np.testing.assert_allclose(lines.curve(0)(at), whole(x * at), atol=1e-12)
@@ -227,7 +174,7 @@ def test_patches_lie_on_the_skins_between_their_borders():
     np.testing.assert_allclose(fine[1, 0, 0], fine[0, 0, -1], atol=1e-9)
 
 
-def test_folded_patches_are_told_from_good_ones():
+def test_the_least_jacobian_detects_folded_patches():
     x = np.linspace(0, 1, 4)
     square = np.stack(np.broadcast_arrays(x[:, None], x[None], 0.0), axis=2)
     assert least_jacobian(square) == pytest.approx(1)
@@ -263,21 +210,6 @@ def test_a_crease_is_lifted_by_a_fifth_of_the_thickness_at_most():
     assert away == pytest.approx([0.2 * 1000 * T] * 2, rel=0.01)
 
 
-def flat_model(corners: np.ndarray) -> tuple[NetModel, list]:
-    """One region over the plane between corners (k, 2), 40 mm thick; with its loop."""
-    model, k = NetModel(), len(corners)
-    for i in range(k):
-        line = corners[i] + np.arange(4)[:, None] / 3 * (corners[(i + 1) % k] - corners[i])
-        both = [np.c_[line, np.full(4, z)] for z in (20.0, -20.0)]
-        model.edges.append(NetEdge(i, (i + 1) % k, np.concatenate(both, axis=1)))
-    return model, [(i, True) for i in range(k)]
-
-
-def asked(gap: float, off: float) -> FaceLimits:
-    """Of trimmed faces, wherever their poles are."""
-    return FaceLimits(gap, off, np.array([[-np.inf] * 3, [np.inf] * 3]))
-
-
 def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
     """A triangle, points in and beside it, and one beyond where the sheet has turned by 90 degrees."""
     model, loop = flat_model(np.array([[0, 0], [300, 0], [0, 300.0]]))
@@ -292,11 +224,11 @@ def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
 def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     """Half a flat ring whose edges jump by .4 mm: what is nearest to them was 13 mm off between them."""
     turn, r = np.linspace(0, np.pi, 73), np.linspace(600, 1200, 9)
-    edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
+    edges = np.concatenate([ring_points(turn, 600), ring_points(turn, 1200), ring_points(0, r), ring_points(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
-    inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
+    inside = ring_points(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
     poles, _, gap, _ = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
-    u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
+    u, v = ((ring_points(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
     B, C = (_powers(x, len(poles) - 1) for x in (u, v))
     assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
     assert gap < 0.4
@@ -352,7 +284,7 @@ def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
     np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
 
 
-def test_the_rectangle_of_a_strip_lies_along_it():
+def test_the_rectangle_of_a_strip_follows_its_direction():
     """At 30 degrees to both axes; a rectangle along them has six times the strip's area."""
     strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
@@ -362,7 +294,7 @@ def test_the_rectangle_of_a_strip_lies_along_it():
     assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 
 
-def ring(turn, r) -> np.ndarray:
+def ring_points(turn, r) -> np.ndarray:
     """(k, 3) points around the origin."""
     return np.stack(np.broadcast_arrays(r * np.cos(turn), r * np.sin(turn), 0.0), axis=-1).reshape(-1, 3)
 
@@ -374,7 +306,7 @@ def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
         assert len(net.chains) == 4
     given = cylinder_strip()
     lifting = lifting_of(given)
-    net = without_fillets(net_of(grid(given), given.V, lifting.skins.normals, T), lifting)
+    net = without_fillets(net_of(cylinder_grid(given), given.V, lifting.skins.normals, T), lifting)
     assert len(net.loops) == 8  # four crossings, four stretches between them
     steps = [step for loops in net.loops.values() for loop in loops for step in loop]
     for k, chain in net.chains.items():
@@ -383,7 +315,7 @@ def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
     assert len(steps) == len(set(steps))
 
 
-def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
+def test_faces_by_members_count_as_curved_in_dsfab_check(tmp_path):
     """Or no chord error of the mesh would be allowed there: a ring whose file was within a build's limits failed."""
     surface = cylinder_strip()
     part, _, _ = draft_of(surface, striped(surface))
@@ -418,7 +350,7 @@ def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long,
 
 
 @pytest.mark.parametrize("near", [True, False])
-def test_patches_are_asked_how_far_off_the_mesh_they_are(near):
+def test_the_distance_of_patches_from_the_mesh_is_measured_at_corners_too(near):
     """Though it is on the skins in its middle: at a corner it is 1 mm farther than it may be, or nearer."""
     patch = np.zeros((1, 1, 4, 4, 6))
     x = np.linspace(0, 30, 4)
@@ -436,7 +368,7 @@ def test_patches_are_asked_how_far_off_the_mesh_they_are(near):
     assert asked_at == [2 * 98]
 
 
-def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be():
+def test_the_gate_gives_the_excess_distance_of_points_from_the_mesh():
     """What is near is nearer than it may be by less than it seems: its chord error is not asked for."""
     surface = cylinder_strip(columns=8)
     part, _, _ = draft_of(surface, striped(surface))
@@ -525,7 +457,7 @@ def test_a_lens_between_an_outline_and_a_member_joins_the_member(inner_first):
 
 
 @pytest.mark.parametrize("folded", [False, True])
-def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
+def test_outlines_are_joined_except_at_the_begin_of_an_arc(folded):
     """What bends with the sheet is straight to those who walk on it."""
     net, P, N = rectangle_net(arc=False, folded=folded)
     done = joined_outlines(net, P, N)
@@ -554,7 +486,7 @@ def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(mon
     assert asked == [0, 1, 0, 0, 1], "chain 1 is the old one again, and the other region has another outline"
 
 
-def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
+def test_opposite_sides_are_divided_at_the_same_shares():
     """Arcs of .1 at both ends of a bottom of length 1, and a top of one span: parts of three lines, or of one."""
     ends = {0: ([0, 0], [0.1, 0]), 1: ([0.1, 0], [0.9, 0]), 2: ([0.9, 0], [1, 0]), 4: ([1, 1], [0, 1])}
     ends |= {3: ([1, 0], [1, 1]), 5: ([0, 1], [0, 0])}
@@ -581,7 +513,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
 
 
 @pytest.mark.parametrize(("near", "trimmed"), [(True, 2), (False, 0)])
-def test_a_crossing_goes_back_to_patches_where_one_surface_is_not_near(monkeypatch, near, trimmed):
+def test_a_crossing_that_one_surface_does_not_fit_is_written_as_patches(monkeypatch, near, trimmed):
     """The half of a strip is taken for a crossing, for which one face on each skin is enough."""
     given = cylinder_strip()
     angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
@@ -617,11 +549,11 @@ def test_an_outline_is_looked_at_again_where_a_line_has_moved():
         ([0.5, 0.75], [0.52], [(0.5, 0.52), (0.75, 0.76)]),
     ],
 )
-def test_stations_near_each_other_are_pairs_and_others_get_one(one, two, pairs):
+def test_near_stations_pair_up_and_single_stations_get_a_partner(one, two, pairs):
     np.testing.assert_allclose(np.stack(paired_shares(np.array(one), np.array(two)), axis=1), pairs)
 
 
-def test_lines_end_on_others_that_end_on_others():
+def test_lines_may_end_on_lines_that_end_on_lines():
     """The second line begins beside the first at .4 of it, the third beside the second at .5 of that."""
     places = {0: (0, 0), 1: (1, 0), 2: (0.4, 0.03), 3: (0.4, 1), 4: (0.43, 0.5), 5: (1, 0.5)}
     ways, rows = [(0, 2), (2, 1), (2, 4), (4, 3), (4, 5)], ((0, 1), (2, 3), (4,))
@@ -716,7 +648,7 @@ def test_a_long_member_is_cut_off_from_a_pointed_end(far):
 
 
 @pytest.mark.parametrize(("deep", "regions"), [(20, 1), (1, 2)])
-def test_what_is_inside_of_a_hairpin_and_beside_it_is_one_region(deep, regions):
+def test_the_inside_of_a_hairpin_joins_the_region_beside_it(deep, regions):
     """A stripe of a third of the strip's width below another, 20 of 40 columns long, or 1."""
     flat = flat_strip()
     x, y = flat.centroids[:, 0], flat.centroids[:, 1] / flat.V[:, 1].max()
@@ -769,7 +701,7 @@ def two_squares(bulge: float, corner: bool = False) -> tuple[ChainNet, dict[int,
 
 
 @pytest.mark.parametrize("bulge", [1.3, 1.4])
-def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
+def test_regions_merge_if_their_common_chain_crosses_an_outline(bulge):
     """A cubic whose inner poles are 1.3 aside is .98 aside in its middle, at 1.4 it is 1.05: beyond the left wall."""
     net, curves = two_squares(bulge)
     done = without_crossings(net, curves, [0, 1])
@@ -785,7 +717,7 @@ def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
 
 
 @pytest.mark.parametrize(("near", "corner", "one"), [(0.05, True, True), (0.01, True, False), (0.05, False, False)])
-def test_regions_are_one_where_a_chain_between_them_comes_near_a_corner_of_an_outline(near, corner, one):
+def test_regions_merge_if_their_common_chain_comes_near_an_outline_corner(near, corner, one):
     """The cubic that is .98 aside: .02 from the left wall, and from a corner of it if there is one."""
     net, curves = two_squares(1.3, corner)
     done = without_crossings(net, curves, [0, 1], near)
@@ -794,7 +726,7 @@ def test_regions_are_one_where_a_chain_between_them_comes_near_a_corner_of_an_ou
     assert (1 in done.chains) == (not one)
 
 
-def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
+def test_edges_that_are_parts_of_a_side_of_a_patch_lie_exactly_on_it():
     """A side that is two edges: OCCT takes as exact what is off by less than 1e-7 mm."""
     P = np.random.default_rng(1).uniform(-1e3, 1e3, (4, 4, 6))
     sides = [P[:, 0], P[3], P[::-1, 3], P[0, ::-1]]
@@ -823,9 +755,9 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
             np.testing.assert_allclose(x @ curves[2 * i + s], side, atol=1e-7, rtol=0)
 
 
-def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
+def test_many_faces_are_written_only_on_request(monkeypatch):
     monkeypatch.setattr(draft, "UNASKED", 10)
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     assert member_draft(part, SolidPlan(part)).faces > 10
     with pytest.raises(ManyFacesError, match=r"more than the 10 that are tried without a request$"):
         member_draft(replace(part, hurry=1), SolidPlan(part))
@@ -834,7 +766,7 @@ def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):
 @pytest.mark.slow
 def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
     surface = cylinder_strip()
-    part, solid, curved = draft_of(surface, grid(surface))
+    part, solid, curved = draft_of(surface, cylinder_grid(surface))
     said, path = list[str](), tmp_path / "grid.step"
     write(solid, path, step=StepOptions("members", curved=partial(lambda: curved)), note=said.append)
     assert said[0].startswith("STEP is by members")
@@ -848,10 +780,10 @@ def test_a_grid_is_cut_measured_and_written_by_members(tmp_path):
 
 
 @pytest.mark.slow
-def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeypatch):
+def test_a_grid_is_written_by_members_and_its_trial_cut_is_valid(tmp_path, monkeypatch):
     """The same grid: one cut of it is tried, and none where it has more faces than are cut unasked."""
     surface = cylinder_strip()
-    _, solid, curved = draft_of(surface, grid(surface))
+    _, solid, curved = draft_of(surface, cylinder_grid(surface))
     ask, said = StepOptions(curved=partial(lambda: curved)), list[str]()
     write(solid, tmp_path / "grid.step", step=ask, note=said.append)
     assert said[0].startswith("STEP is by members")
@@ -862,13 +794,13 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
     assert "; not cut here, since it has more than" in said[1]
 
 
-def test_members_of_which_occt_draws_no_solid_are_refused(here):
+def test_members_of_which_occt_draws_no_solid_are_refused(inspected_pieces):
     """A triangle is turned over: `dsfab check` would fail the file."""
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     made, off = member_draft(part, made_of := SolidPlan(part)), DEFLECTION * made_of.limits.distance
     seen = []
     found = reports.findings(None, made.text, off, 60, seen.append)
-    assert [one["valid"] for one in here] == [True]
+    assert [one["valid"] for one in inspected_pieces] == [True]
     (mesh,) = seen
     assert mesh.solids == 1
     *away, shape = _require_solid(part, made_of, made, found, [_TriangleReport.from_mesh(mesh, made_of.gate)])
@@ -888,7 +820,7 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
 @pytest.mark.slow
 def test_without_stripes_the_file_is_smooth_and_says_why(tmp_path):
     surface = cylinder_strip()
-    _, solid, curved = draft_of(surface, grid(surface))
+    _, solid, curved = draft_of(surface, cylinder_grid(surface))
     said = list[str]()
     ask = StepOptions("members", curved=lambda: replace(curved, striped=None))
     write(solid, tmp_path / "a.step", step=ask, note=said.append)

@@ -32,7 +32,7 @@ from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.part import StripedSheet
 from dsfab.export.splines import bernstein
 from dsfab.surface import Surface
-from tests.export.test_network import RADIUS, cylinder_strip, draft_of, striped
+from tests.export.member_networks import RADIUS, cylinder_strip, draft_of, striped
 
 THICK = 40.0
 
@@ -48,7 +48,7 @@ BENT = np.array([[0, 0], [33, 10], [27, -78], [-2, -79], [-11, -82], [-14, 3.0]]
 Way = tuple[float, float]
 
 
-def lifted(points: np.ndarray, wave: float = 0.0, bend: Way = (0, 0)) -> np.ndarray:
+def dish_points(points: np.ndarray, wave: float = 0.0, bend: Way = (0, 0)) -> np.ndarray:
     """(k, 6) on both skins of a dish, which may have waves; it is bent in the plane by as much as `bend` at 80 mm."""
     x, y = points.T
     points = points + np.c_[bend[0] * (y / 80) ** 2, bend[1] * (x / 80) ** 2]
@@ -63,7 +63,7 @@ def patch_poles(corners: np.ndarray, wave: float, bend: Way) -> np.ndarray:
     a, b, c, d = corners
     at = (1 - u) * (1 - v) * a + u * (1 - v) * b + u * v * c + (1 - u) * v * d
     B = np.linalg.inv(bernstein(x))
-    return np.einsum("ai,bj,ijk->abk", B, B, lifted(at.reshape(-1, 2), wave, bend).reshape(4, 4, 6))
+    return np.einsum("ai,bj,ijk->abk", B, B, dish_points(at.reshape(-1, 2), wave, bend).reshape(4, 4, 6))
 
 
 def dish(points: np.ndarray, one: list[int], four: list[int], ahead: bool, wave: float, bend: Way = (0, 0)) -> NetModel:
@@ -72,7 +72,7 @@ def dish(points: np.ndarray, one: list[int], four: list[int], ahead: bool, wave:
     first, second = (patch_poles(points[quad], wave, bend) for quad in (four, [3, 2, 1, 0]))
     right = parts_of(first[None, 3], np.zeros(1), np.full(1, 1.0 if len(one) == 4 else 0.5))[0]
     second[0], beyond = right, parts_of(first[None, 3], np.full(1, 0.5), np.ones(1))[0]
-    model = NetModel(vertices=list(lifted(points, wave, bend)))
+    model = NetModel(vertices=list(dish_points(points, wave, bend)))
     model.edges.append(NetEdge(3, 0, right) if ahead else NetEdge(0, 3, right[::-1]))
     around = [first[::-1, 3], first[0, ::-1], first[:, 0]]
     both = (
@@ -126,7 +126,7 @@ def test_the_seam_at_a_corner_that_is_filled_goes_on_over_both_patches(ahead):
 
 
 @pytest.mark.parametrize("ahead", [True, False])
-def test_edges_of_walls_beside_such_a_corner_have_their_places_on_patches_too(ahead):
+def test_wall_edges_beside_a_long_seam_lie_on_their_patches(ahead):
     model, _, seams = with_long_seams(given := notch(ahead), [])
     (corner,) = filled_corners(given)
     assert set(seams) == {0, *corner.beside}
@@ -147,12 +147,12 @@ def test_a_corner_that_is_cut_off_and_one_with_two_seams_are_left():
     assert curves_beyond(replace(model, seam=True)) == {}
 
 
-def test_a_seam_goes_on_over_a_trimmed_face_only_if_this_is_on_it():
+def test_a_seam_continues_over_a_trimmed_face_only_if_the_face_contains_it():
     model = notch()
     x = np.linspace(-130, 130, 3)
     flat = np.stack(np.meshgrid(x, x, indexing="ij"), axis=2).reshape(-1, 2)
     B = np.linalg.inv(np.stack([(1 - u) ** np.array([2, 1, 0]) * u ** np.arange(3) * [1, 2, 1] for u in (0, 0.5, 1)]))
-    both = np.einsum("ai,bj,ijk->abk", B, B, lifted(flat).reshape(3, 3, 6))
+    both = np.einsum("ai,bj,ijk->abk", B, B, dish_points(flat).reshape(3, 3, 6))
     face = TrimmedFace([model.patches[0].loop], both[..., :3], both[..., 3:], (np.eye(3), np.eye(3)), 0.0, 0.0)
     one = replace(model, patches=model.patches[1:])
     new, (found,), seams = with_long_seams(one, [face])
@@ -162,7 +162,7 @@ def test_a_seam_goes_on_over_a_trimmed_face_only_if_this_is_on_it():
     assert new.patches[0].within
 
 
-def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch():
+def test_a_seam_that_a_wall_continues_ends_beside_a_wider_patch():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     (corner,) = filled_corners(model)
     assert (corner.seam, corner.end) == (0, 1)
@@ -173,7 +173,7 @@ def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch(
     assert new.patches[0].poles[3, :, 0] == pytest.approx(np.full(4, THICK / 100), rel=0.01)
 
 
-def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_is_wanted():
+def test_the_patch_beyond_a_long_seam_is_extended_until_its_tangents_leave_the_gap():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     patch, (corner,) = with_long_seams(model, [])[0].patches[1], filled_corners(model)
     far = LARGE_FILLET_SHARE * THICK * corner.half
@@ -182,7 +182,7 @@ def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_
     assert (far - went) ** 2 / 2000 == pytest.approx(TANGENT_GAP, rel=0.1)  # its height is -y^2 / 2000
 
 
-def test_such_a_seam_beside_a_trimmed_face_is_off_it_where_only_its_tolerance_counts():
+def test_a_seam_beside_a_trimmed_face_is_moved_within_its_tolerance():
     model, _ = with_ordered_walls(stair(ahead=False), [])
     face = TrimmedFace([model.patches[1].loop], *np.zeros((2, 3, 3, 3)), (np.eye(3), np.eye(3)), 0.0, 0.0)
     new, _, _ = with_long_seams(replace(model, patches=model.patches[:1]), [face])
@@ -234,7 +234,7 @@ def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given
 
 
 @pytest.mark.slow
-def test_occt_keeps_where_a_seam_goes_on_if_walls_beside_have_their_places_too(tmp_path):
+def test_occt_keeps_a_long_seam_if_the_walls_beside_it_have_parameters(tmp_path):
     """It puts the end of one to the end of the other, if they are .1 um apart, and drops what is beyond."""
     model, _ = with_ordered_walls(dish(BENT, [4, 3, 0, 5], [4, 3, 0, 5], False, 20.0, (37, 36)), [])
     model, _, seams = with_long_seams(model, [])

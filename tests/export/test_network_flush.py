@@ -9,7 +9,7 @@ from dsfab.export.cad.step.by_members.patches import places
 from dsfab.export.cad.step.by_members.sharp_corners import FILLET_SHARE, FLUSH_TOLERANCE, INNER_SHARE, flush_at_corners
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 SQUARE, THICK = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]]), 40.0
 
@@ -45,7 +45,7 @@ def test_at_corners_a_face_is_on_its_edges_as_far_as_a_fillet_goes():
     assert sorted(found.loops[0]) == sorted(step for wall in model.walls for step in wall.steps)
 
 
-def test_inside_a_face_stays_where_it_was(monkeypatch):
+def test_the_inside_of_a_face_does_not_move(monkeypatch):
     """Of a sphere one went 1.4 mm away to run through four edges; where it has to, it is left as it is."""
     old, face = given(0.03)
     _, (found,) = flush_at_corners(old, [face])
@@ -114,7 +114,7 @@ def test_places_are_found_over_a_parallelogram_in_a_plane_of_any_direction():
     np.testing.assert_allclose(places(poles.reshape(4, 4, 3), axes, points), uv, atol=1e-12)
 
 
-def test_a_face_without_corners_stays_as_it_is():
+def test_a_face_without_corners_is_unchanged():
     old, face = given(0.03)
     model, (found,) = flush_at_corners(replace(old, walls=[]), [face])
     assert model.edges == old.edges

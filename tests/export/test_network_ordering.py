@@ -14,12 +14,12 @@ from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.cad.step.worker import use
 from dsfab.export.cad.step.worker.shapes import read
 from dsfab.surface import Surface
-from tests.export.test_network import RADIUS, cylinder_strip, draft_of, flat_model, striped
+from tests.export.member_networks import RADIUS, cylinder_strip, draft_of, flat_model, striped
 
 THICK = 40.0
 
 
-def plate(corners: np.ndarray, turned: set[int], order: list[int]) -> NetModel:
+def plate_model(corners: np.ndarray, turned: set[int], order: list[int]) -> NetModel:
     """A plate with straight sides, a wall each, in an order; some of its edges run clockwise."""
     model, loop = flat_model(corners)
     edges = [NetEdge(e.end, e.start, e.poles[::-1]) if i in turned else e for i, e in enumerate(model.edges)]
@@ -50,7 +50,7 @@ SQUARE = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]])
 @pytest.mark.parametrize("turned", [set(), {0, 1, 2, 3}, {1}, {0, 3}])
 @pytest.mark.parametrize("order", [[0, 1, 2, 3], [2, 0, 3, 1]])
 def test_at_each_corner_an_edge_ends_of_the_wall_that_is_first(turned, order):
-    given = plate(SQUARE, turned, order)
+    given = plate_model(SQUARE, turned, order)
     model, _ = with_ordered_walls(given, [])
     assert following(model.walls, model)
     for i, wall in enumerate(model.walls[:-1]):
@@ -64,7 +64,7 @@ def test_at_each_corner_an_edge_ends_of_the_wall_that_is_first(turned, order):
 
 
 def test_faces_have_the_same_edges_as_walls_the_other_way_and_the_outline_stays():
-    model, _ = with_ordered_walls(plate(SQUARE, {1}, [2, 0, 3, 1]), [])
+    model, _ = with_ordered_walls(plate_model(SQUARE, {1}, [2, 0, 3, 1]), [])
     loop = model.patches[0].loop
     assert sorted(loop) == sorted(step for wall in model.walls for step in wall.steps)
     points = line(model, loop)[:, [0, -1]]
@@ -76,17 +76,17 @@ def _middles(model: NetModel) -> set[tuple[float, ...]]:
     return {tuple(p[:2].tolist()) for p in model.vertices[4:]}
 
 
-def test_an_outline_begins_where_it_is_smooth():
+def test_an_outline_begins_at_a_smooth_vertex():
     """A pentagon with a vertex in the middle of a side."""
-    model, _ = with_ordered_walls(plate(np.insert(SQUARE, 1, [50.0, 0], axis=0), set(), [3, 4, 0, 1, 2]), [])
+    model, _ = with_ordered_walls(plate_model(np.insert(SQUARE, 1, [50.0, 0], axis=0), set(), [3, 4, 0, 1, 2]), [])
     assert [len(wall.steps) for wall in model.walls] == [1] * 5
     np.testing.assert_array_equal(line(model, model.walls[0].steps)[0, 0, :2], [50, 0])
     assert all(ends_at(model, wall, first=False) for wall in model.walls)
 
 
 @pytest.mark.parametrize("size", [LONGEST_SHARE, 30.0])
-def test_long_edges_are_cut_near_the_corners_where_they_end(size):
-    model, _ = with_ordered_walls(plate(size * THICK * SQUARE / 100, set(), [0, 1, 2, 3]), [])
+def test_long_edges_are_cut_near_their_end_corners(size):
+    model, _ = with_ordered_walls(plate_model(size * THICK * SQUARE / 100, set(), [0, 1, 2, 3]), [])
     assert [len(wall.steps) for wall in model.walls] == ([2, 1, 1, 1] if size <= LONGEST_SHARE else [3, 2, 2, 1])
     ending = [line(model, wall.steps)[-1] for wall in model.walls[:-1]]
     assert max(np.linalg.norm(P[-1, :3] - P[0, :3]) for P in ending) <= LONGEST_SHARE * THICK + 1e-9
@@ -101,9 +101,9 @@ def test_fillets_of_asked_radius_take_a_share_of_edges_that_occt_finds(turn):
     assert _stops(poles, None, (0.0, half), (False, False)) == []
 
 
-def test_an_edge_is_cut_where_it_is_farthest_from_its_trimmed_face():
+def test_an_edge_is_cut_at_its_largest_distance_from_the_trimmed_face():
     """Heights 3 x^2 (1 - x) above a plane are largest at 2/3; the tolerance is met there whatever a fillet takes."""
-    given = plate(SQUARE, set(), [0, 1, 2, 3])
+    given = plate_model(SQUARE, set(), [0, 1, 2, 3])
     edges = list(given.edges)
     edges[1] = replace(edges[1], poles=edges[1].poles + 0.01 * np.eye(4)[2][:, None] * np.array([0, 0, 1, 0, 0, 1]))
     flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])

@@ -21,7 +21,7 @@ from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.shared.plan import SolidPlan
 from dsfab.export.splines import bernstein
-from tests.export.test_network import cylinder_strip, draft_of, grid
+from tests.export.member_networks import cylinder_grid, cylinder_strip, draft_of
 
 ANYWHERE = np.array([[-np.inf] * 3, [np.inf] * 3])
 
@@ -69,13 +69,13 @@ def test_the_parabola_of_a_cubic_goes_through_its_ends_and_its_middle():
         (wavy(0, 0, 2.8), 9.0, False),  # and by a quarter out of it
     ],
 )
-def test_cubics_are_parabolas_where_these_are_near_and_turn_little(curve, distance, three):
+def test_nearly_parabolic_cubics_become_parabolas(curve, distance, three):
     (found,) = curves_as_parabolas([curve], distance, ANYWHERE)
     assert (len(fewest_poles(found.spans[0], 0)) == 3) == three
     assert (found is curve) != three
 
 
-def test_curves_of_which_one_span_is_no_parabola_and_those_whose_pole_is_out_of_the_box_are_cubics():
+def test_curves_with_a_non_parabolic_span_or_a_far_pole_are_cubics():
     good, bad = wavy(1.0).spans, wavy(9.0).spans
     two = ChainCurve(np.array([0.0, 0.5, 1.0]), np.concatenate([good, bad + [300, 0, 0] * 2]))
     assert curves_as_parabolas([two], 1.0, ANYWHERE) == [two]
@@ -112,7 +112,7 @@ def test_patches_between_parabolas_are_of_degree_2_where_that_is_near():
     assert degrees(patches_as_parabolas(patch(0.02, 1.0), 1.0)) == (3, 2), "a side is a cubic"
 
 
-def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
+def test_parabolas_have_three_poles_and_bound_their_faces():
     P = patch(0.0, 1.0)[0, 0]
     sides = [P[:, 0], P[3], P[::-1, 3], P[0, ::-1]]
     model = NetModel(vertices=[side[0] for side in sides])
@@ -135,9 +135,9 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
             np.testing.assert_allclose(hats[len(curve)] @ curve, hats[len(side)] @ side, atol=1e-7, rtol=0)
 
 
-def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree_3():
+def test_faces_across_a_cylinder_have_degree_2_and_faces_around_it_degree_3():
     """The outlines of these are curves of a quarter of a turn."""
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     text = member_draft(part, SolidPlan(part)).text
     degrees = re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text)
     assert [degrees.count(both) for both in (("2", "2"), ("2", "1"))] == [4, 4]
@@ -146,7 +146,7 @@ def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree
 
 
 @pytest.mark.parametrize(("bend", "degree"), [(1e-3, 2), (1.0, 3)])
-def test_a_trimmed_face_is_a_quadric_where_its_edges_are_on_one(bend, degree):
+def test_a_trimmed_face_with_quadric_edges_is_a_quadric(bend, degree):
     """A square of 200 mm on a paraboloid, which rises by some millimetres with the third power of x."""
 
     def point(x, y):
@@ -162,7 +162,7 @@ def test_a_trimmed_face_is_a_quadric_where_its_edges_are_on_one(bend, degree):
     assert gap <= 0.01
 
 
-def test_poles_of_a_quadric_are_those_of_a_cubic_where_they_are_far_out():
+def test_a_quadric_with_far_poles_is_written_with_the_poles_of_a_cubic():
     """The ends of a dome's face of 1 m are 50 mm lower than its middle: OCCT draws its box around poles."""
     t = np.linspace(-500, 500, 41)
     x, y = (np.concatenate(some) for some in ((t, 0 * t + 500, -t, 0 * t - 500), (0 * t - 500, t, 0 * t + 500, -t)))

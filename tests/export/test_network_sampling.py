@@ -9,7 +9,7 @@ from dsfab.export.cad.step.by_members.model import NetWall
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.cad.step.by_members.trimmed_corrections import SAMPLES, with_sampled_peaks
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 SQUARE, THICK = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]]), 40.0
 ALLOWED = 1e-5
@@ -68,7 +68,7 @@ def test_a_face_whose_gap_is_too_wide_to_be_split_stays():
     assert found.inner is face.inner
 
 
-def test_edges_inside_stay_as_they_are():
+def test_inner_edges_are_unchanged():
     """No fillet of an outline ends there."""
     model, face = given([0.03, 0.02, -0.03, 0.025])
     (found,) = with_sampled_peaks(replace(model, walls=[]), [face])

@@ -20,7 +20,7 @@ from dsfab.export.cad.step.worker.use import (
 SIDE = 100.0
 
 
-def square(at: np.ndarray, axis: int, share: float, outwards: bool):
+def square_face(at: np.ndarray, axis: int, share: float, outwards: bool):
     """A square face around a point, normal to an axis, with so much less area than one of `LEAST_SIDE`."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
@@ -35,7 +35,7 @@ def halves(section: float, skin: float = 0.0):
     return [
         compound(
             [
-                square(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
+                square_face(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
                 for axis in range(3)
                 for way in (-1, 1)
             ]
@@ -74,7 +74,7 @@ def test_cubes_beside_each_other_are_one_volume():
     assert _volume(compound(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
 
 
-def test_pieces_of_a_rim_as_long_as_the_sheet_is_thick_are_not_across_it():
+def test_short_pieces_of_a_rim_do_not_count_as_edges_across_the_sheet():
     """A plate of 60 mm whose sides of 180 mm are three edges each: across it are its four corners."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon
     from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
@@ -104,7 +104,7 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
         build._require_use(usual | said)
 
 
-def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):
+def test_a_trial_cut_reports_the_volume_that_its_halves_miss(tmp_path, monkeypatch):
     said = {"halves": True, "off": 0.00015, "box": []}
     monkeypatch.setattr(soundness, "occt_report", lambda *_, seconds: said)
     assert soundness.cut_fault(tmp_path, 1)[0].startswith("its halves miss 1.5e-04 of its volume")

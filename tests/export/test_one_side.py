@@ -23,8 +23,7 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 from dsfab.surface.topology import misoriented_edges
 from dsfab.thickening import offsets, thicken
-from tests.surface.test_cover import turned
-from tests.zoo import moebius, projective_plane
+from tests.shapes import moebius, projective_plane, with_mixed_sides
 
 T = 0.05
 
@@ -39,7 +38,7 @@ def sheet_of(surface: Surface, kept: np.ndarray) -> Sheet:
 def ladder(around: int = 60) -> tuple[Surface, np.ndarray, np.ndarray]:
     """A strip whose faces are turned over at random, which of them are kept, and their stripes: two members along it,
     and one across at every fifth of its columns."""
-    strip = turned(moebius(around, 4, 0.8))[0]
+    strip = with_mixed_sides(moebius(around, 4, 0.8))[0]
     column, row = np.divmod(np.tile(np.arange(4 * around), 2), 4)
     along, across = np.isin(row, (0, 3)), column % 5 == 2
     return strip, along | across, along + 2 * across
@@ -63,7 +62,7 @@ def part_with_ladder():
 @pytest.mark.parametrize("given", [moebius(), projective_plane(2)], ids=["strip", "closed"])
 def test_a_surface_with_one_side_is_cut_open(given):
     """Its faces agree then, and lie where they lay; what is at one place on both sides has opposite offsets."""
-    surface = turned(given)[0]
+    surface = with_mixed_sides(given)[0]
     whole = sheet_of(surface, np.ones(surface.m, dtype=bool))
     opening = opened_surface(surface, whole)
     assert opening
@@ -115,7 +114,7 @@ def test_a_strip_with_one_side_has_no_two_smooth_skins():
         smooth_file(replace(part, step="smooth"))
 
 
-def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_to(monkeypatch):
+def test_the_file_of_a_one_sided_strip_is_compared_with_the_strip_cut_open(monkeypatch):
     part, _ = part_with_ladder()
     distance = import_module("dsfab.study.file_check.file_geometry")
     monkeypatch.setattr(distance, "curved_design", lambda design: part.curved())
@@ -126,7 +125,7 @@ def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_t
 
 
 @pytest.mark.slow
-def test_occt_finds_a_strip_with_one_side_valid_and_cuts_it():
+def test_occt_accepts_and_cuts_a_one_sided_strip():
     part, solid = part_with_ladder()
     made = member_file(replace(part, hurry=0))
     assert made.solids == 1

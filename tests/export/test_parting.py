@@ -13,7 +13,7 @@ from dsfab.export.cad.step.by_members.patches import FaceLimits
 from dsfab.export.cad.step.by_members.trimmed import SPLIT, trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_division import HalvedOutline, allowance_used, divided_faces
 from dsfab.export.splines import bernstein
-from tests.export.test_network import flat_model
+from tests.export.member_networks import flat_model
 
 LIMITS = FaceLimits(0.01, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
 
@@ -87,7 +87,7 @@ def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeyp
     assert (len(two) or 1) == parts
 
 
-def test_a_region_without_a_gap_stays_as_it_is():
+def test_a_region_without_a_gap_stays_undivided():
     model, loop = folded_model(HALVES, 0)
     edges = list(model.edges)
     before, after = divided(model, loop)
@@ -95,7 +95,7 @@ def test_a_region_without_a_gap_stays_as_it_is():
     assert model.edges == edges
 
 
-def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monkeypatch):
+def test_a_region_whose_inside_strays_is_divided_even_if_its_edges_fit(monkeypatch):
     monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     x, y = (some.ravel() for some in np.meshgrid(np.linspace(30, 570, 19), np.linspace(20, 180, 9)))
@@ -118,9 +118,7 @@ def folded_mesh(points: np.ndarray) -> np.ndarray:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("mesh", "parts"), [(None, 1), (folded_mesh, 2)])
-def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_where_that_is_asked(
-    monkeypatch, mesh, parts
-):
+def test_a_region_that_strays_from_the_mesh_is_divided_on_request(monkeypatch, mesh, parts):
     monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     limits, nothing = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6))
@@ -133,7 +131,7 @@ def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_wh
 @pytest.mark.parametrize(
     ("mesh", "tried"), [(None, 1), (lambda points: np.ones(len(points)), sum(range(1, trimmed_division.TIMES + 1)))]
 )
-def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_counts(monkeypatch, mesh, tried):
+def test_further_seams_are_tried_if_the_usual_seams_fail(monkeypatch, mesh, tried):
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
     work = trimmed_division._FaceDivision(model, np.zeros_like, limits)
@@ -176,7 +174,7 @@ def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
     assert len(seen[0].poles) == 2 * (len(loop) + 1)
 
 
-def test_seams_keep_to_the_mesh_where_that_is_asked():
+def test_seams_follow_the_mesh_on_request():
     """Of a region whose seams in the middle do not, as beside a crease, others are taken."""
 
     def off_mesh(points: np.ndarray) -> np.ndarray:
@@ -194,7 +192,7 @@ def test_seams_keep_to_the_mesh_where_that_is_asked():
     assert through == [True, False]
 
 
-def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypatch):
+def test_the_worst_misfit_stops_at_the_first_outline_that_is_too_far(monkeypatch):
     """A flat square, and one that waves: the second is not asked where the first one, or its outer skin, is too bad."""
     x = np.linspace(0, 300, 24, endpoint=False)
     plan = np.concatenate([[[t, 0], [300, t], [300 - t, 300], [0, 300 - t]] for t in x], axis=0)
@@ -212,7 +210,7 @@ def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypat
     assert len(asked_of) == 4 + 4 + 1
 
 
-def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():
+def test_a_face_is_judged_by_its_gap_its_inside_and_its_poles():
     model, loop = folded_model(HALVES, 0)
     face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
     assert allowance_used(face, LIMITS) < 1

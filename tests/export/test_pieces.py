@@ -2,29 +2,17 @@
 
 import zipfile
 
-import numpy as np
 import pytest
 
 from dsfab.core.errors import ExportError
 from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
 from dsfab.export.cad.step.worker.facts import step_facts
-from dsfab.thickening import Solid
-from tests.export.test_export import box, quick_step, torus  # noqa: F401
+from tests.export.solid_pieces import three
+from tests.export.solids import solid_box, solid_torus
 
 
-def three() -> Solid:
-    """A box, a box with a bubble in it, and a ring."""
-    solids = [box(), box(corner=(0.5, 0, 0)), box(size=np.full(3, 0.01), corner=(0.6, 0.1, 0.02)), torus()]
-    V, F, at = [], [], 0
-    for i, one in enumerate(solids):
-        V.append(one.V + [0, 0, 2.0 * (i == 3)])
-        F.append((one.F[:, ::-1] if i == 2 else one.F) + at)
-        at += len(one.V)
-    return Solid(np.concatenate(V), np.concatenate(F), genus=1, pieces=3)
-
-
-def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, quick_step):  # noqa: F811
+def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, inspected):
     from build123d import import_step
 
     path = write(three(), tmp_path / "a.step", step="faceted", name="roof")
@@ -35,19 +23,21 @@ def test_each_piece_is_a_product_with_a_name_and_a_colour(tmp_path, quick_step):
     assert len({tuple(child.color) for child in found.children}) == 3
     text = path.read_text()
     assert "'1970-01-01T00:00:00',('dsfab')" in text
-    assert import_step(write(box(), tmp_path / "b.step", name="one")).label == "one"
+    assert import_step(write(solid_box(), tmp_path / "b.step", name="one")).label == "one"
 
 
-def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F811
-    plain, packed = (write(torus(), tmp_path / f"a.{suffix}", step="faceted", name="a") for suffix in ("step", "stpz"))
+def test_compressed_step_holds_the_same_file(tmp_path, inspected):
+    plain, packed = (
+        write(solid_torus(), tmp_path / f"a.{suffix}", step="faceted", name="a") for suffix in ("step", "stpz")
+    )
     with zipfile.ZipFile(packed) as archive:
         assert archive.namelist() == ["a.stp"]
         assert archive.read("a.stp") == plain.read_bytes()
     assert packed.stat().st_size < 0.25 * plain.stat().st_size
-    assert packed.read_bytes() == write(torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
+    assert packed.read_bytes() == write(solid_torus(), tmp_path / "a.stpz", step="faceted", name="a").read_bytes()
 
 
-def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, quick_step):  # noqa: F811
+def test_tessellated_step_holds_the_triangles_and_names_programs_that_cannot_read_it(tmp_path, inspected):
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
     found = step_facts(path)
@@ -63,8 +53,8 @@ def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path
 @pytest.mark.parametrize("finding", [{"triangles": 11, "volume": 3e6}, {"triangles": 12, "volume": 4e6}])
 def test_triangles_that_read_back_different_are_refused(finding, tmp_path, monkeypatch):
     monkeypatch.setattr(file, "inspection", lambda part, path: {"triangles": 12, "volume": 3e6})
-    write(box(), tmp_path / "a.step", step="tessellated").unlink()
+    write(solid_box(), tmp_path / "a.step", step="tessellated").unlink()
     monkeypatch.setattr(file, "inspection", lambda part, path: finding)
     with pytest.raises(ExportError):
-        write(box(), tmp_path / "a.step", step="tessellated")
+        write(solid_box(), tmp_path / "a.step", step="tessellated")
     assert not any(tmp_path.iterdir())

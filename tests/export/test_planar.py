@@ -33,30 +33,9 @@ from dsfab.export.part import part_of
 from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import outline_corners
 from dsfab.surface import Surface
-from dsfab.thickening import Solid, thicken
-from tests.zoo import grid, sphere
-
-THICKNESS = 0.02
-
-
-@pytest.fixture
-def here(monkeypatch):
-    """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
-    found: dict = {}
-    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts(path)) or found)
-    return found
-
-
-def thickened(surface: Surface) -> Solid:
-    return thicken(surface, THICKNESS / 2 * surface.vertex_normals)
-
-
-def holed_sheet(cells: int = 24) -> Surface:
-    """A plate of 0.6 x 0.3 m with three round holes, cut along linear fields: their edges are polylines."""
-    surface = grid(2 * cells, cells, 0.6, 0.3)
-    centres, radii = np.array([[0.12, 0.15], [0.3, 0.14], [0.48, 0.16]]), np.array([0.06, 0.08, 0.05])
-    distance = np.linalg.norm(surface.V[:, None, :2] - centres, axis=2) - radii
-    return cut(surface, [distance.min(axis=1)], [np.array([0.0])]).subset().surface
+from dsfab.thickening import thicken
+from tests.export.holed_sheets import THICKNESS, holed_sheet, thickened
+from tests.shapes import fan, grid, sphere, subsurface
 
 
 def moved(surface: Surface) -> Surface:
@@ -65,13 +44,6 @@ def moved(surface: Surface) -> Surface:
     turn = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     turn = turn @ np.array([[np.cos(b), -np.sin(b), 0], [np.sin(b), np.cos(b), 0], [0, 0, 1]])
     return Surface(surface.V @ turn.T + [3.0, -2.0, 5.0], surface.F)
-
-
-def fan(rim: Floats) -> Surface:
-    """A star-shaped sheet with outline `rim` (k, 2)."""
-    k = len(rim)
-    i = np.arange(k)
-    return Surface(np.c_[np.r_[rim, [[0, 0]]], np.zeros(k + 1)], np.c_[i, (i + 1) % k, np.full(k, k)])
 
 
 def distances(points: Floats, loop: Floats) -> Floats:
@@ -91,25 +63,30 @@ def outline_in(path, height: float) -> tuple[Floats, Floats]:
     return np.array(points), np.array(ends)
 
 
-def test_a_plate_with_round_holes_is_two_skins_four_planes_and_curved_walls_of_few_spans(tmp_path, here):
+def test_a_plate_with_round_holes_is_two_skins_four_planes_and_curved_walls_of_few_spans(tmp_path, inspected):
     solid = thickened(holed_sheet())
     said: list[str] = []
     path = write(solid, tmp_path / "plate.step", note=said.append)
     assert said == ["STEP is planar, its outline within 0.5 mm of the mesh"]
-    assert (here["solids"], here["faces"], here["valid"], here["tessellates"]) == (1, 16, True, True)
+    assert (inspected["solids"], inspected["faces"], inspected["valid"], inspected["tessellates"]) == (
+        1,
+        16,
+        True,
+        True,
+    )
     text = path.read_text("ascii")
     assert text.count("SURFACE_OF_LINEAR_EXTRUSION") == text.count("B_SPLINE_CURVE") / 2 == 10
     assert text.count("=PLANE(") == 6
-    assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=5e-4)
+    assert inspected["volume"] == pytest.approx(solid.volume * 1e9, rel=5e-4)
     discs = np.pi * (0.06**2 + 0.08**2 + 0.05**2)
-    assert here["volume"] == pytest.approx((0.18 - discs) * THICKNESS * 1e9, rel=5e-3)
+    assert inspected["volume"] == pytest.approx((0.18 - discs) * THICKNESS * 1e9, rel=5e-3)
     faceted = write(solid, tmp_path / "faceted.step", step="faceted")
     assert path.stat().st_size < faceted.stat().st_size / 3
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.5, 0.1])
-def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, tolerance):
+def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, inspected, tolerance):
     """Measured on what build123d reads, against the boundary of the sheet."""
     sheet = holed_sheet()
     path = write(thickened(sheet), tmp_path / "plate.step", step=StepOptions("planar", tolerance=tolerance / 1000))
@@ -123,21 +100,15 @@ def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, toleran
     assert nearest <= tolerance + spacing / 2
 
 
-def test_pieces_in_a_tilted_plane_become_solids_of_their_own(tmp_path, here):
+def test_pieces_in_a_tilted_plane_become_solids_of_their_own(tmp_path, inspected):
     sheet = holed_sheet(12)
     left = sheet.centroids[:, 0] < 0.2
     right = sheet.centroids[:, 0] > 0.4
-    apart = moved(used(sheet, left | right))
+    apart = moved(subsurface(sheet, left | right))
     solid = thickened(apart)
     write(solid, tmp_path / "a.step", step=StepOptions("planar", tolerance=2e-4))
-    assert (here["solids"], here["valid"]) == (2, True)
-    assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=5e-4)
-
-
-def used(sheet: Surface, mask) -> Surface:
-    """The marked faces, without the vertices of the others."""
-    kept, F = np.unique(sheet.F[mask], return_inverse=True)
-    return Surface(sheet.V[kept], F.reshape(-1, 3))
+    assert (inspected["solids"], inspected["valid"]) == (2, True)
+    assert inspected["volume"] == pytest.approx(solid.volume * 1e9, rel=5e-4)
 
 
 def blunt_outline(angle: float) -> tuple[Floats, Floats]:
@@ -147,7 +118,7 @@ def blunt_outline(angle: float) -> tuple[Floats, Floats]:
     return np.r_[[[-0.2, -0.1], [0.2, -0.1]], upper], upper[20]
 
 
-def test_a_blunt_corner_is_kept_where_it_is_told_and_sharp_ones_always(tmp_path, here, monkeypatch):
+def test_blunt_corners_are_kept_on_request_and_sharp_corners_always(tmp_path, inspected, monkeypatch):
     monkeypatch.setattr("dsfab.export.curves.SPANS", 99)  # else the curve is cut near there
     rim, tip = blunt_outline(np.deg2rad(12))
     solid = thickened(fan(rim))
@@ -163,7 +134,7 @@ def test_a_blunt_corner_is_kept_where_it_is_told_and_sharp_ones_always(tmp_path,
     assert alone.read_text("ascii").count("B_SPLINE_CURVE") == 2
 
 
-def test_outline_corners_are_where_stripes_cross_and_where_they_end():
+def test_outline_corners_lie_at_crossings_and_ends_of_stripes():
     """Stripes |x - 1/2| < 1/8 and |y - (x + 1/2) / 2| < 1/8 on the unit square: four crossings, and eight ends."""
     surface = grid(16, 16, 1.0, 1.0)
     x, y = surface.V[:, 0], surface.V[:, 1]
@@ -214,7 +185,7 @@ def faces_in(text: str) -> list[tuple[Floats, Floats]]:
 
 
 @pytest.mark.parametrize("across", [1.0, -1.0])
-def test_surfaces_face_outwards_and_loops_run_around_them(tmp_path, here, across):
+def test_planar_faces_are_oriented_outwards_with_consistent_loops(tmp_path, inspected, across):
     """OCCT would turn wrong ones round without a word; other readers may not. A quarter of a disc is convex."""
     turn = np.linspace(0, np.pi / 2, 40)
     quarter = fan(0.2 * np.r_[np.c_[np.cos(turn), np.sin(turn)], [[0, 0]]] - 0.08)
@@ -228,19 +199,19 @@ def test_surfaces_face_outwards_and_loops_run_around_them(tmp_path, here, across
         assert around @ normal > 0
 
 
-def test_the_same_solid_gives_the_same_bytes(tmp_path, here):
+def test_the_same_solid_gives_the_same_bytes(tmp_path, inspected):
     solid = thickened(moved(holed_sheet(8)))
     one, two = (write(solid, tmp_path / f"{k}.step", name="plate", step="planar").read_bytes() for k in "ab")
     assert one == two
 
 
-def test_a_dome_is_faceted_and_the_reason_is_said(tmp_path, here):
+def test_a_dome_is_faceted_with_a_reason(tmp_path, inspected):
     ball = sphere(2)
-    cap = thickened(used(ball, ball.centroids[:, 2] > 0.3))
+    cap = thickened(subsurface(ball, ball.centroids[:, 2] > 0.3))
     said: list[str] = []
     write(cap, tmp_path / "cap.step", note=said.append)
     assert said == ["STEP is faceted: the sheet is not flat, or not equally thick"]
-    assert here["faces"] > 50
+    assert inspected["faces"] > 50
     with pytest.raises(ExportError, match="not flat"):
         write(cap, tmp_path / "never.step", step="planar")
     write(cap, tmp_path / "cap.step", step="faceted", note=said.append)
@@ -287,7 +258,9 @@ def wavy_slits(gap: float) -> Surface:
     c = sheet.V[sheet.F].mean(axis=1) * [120, 5, 1]
     below = (c[:, 1] > 1) & (c[:, 1] < 2) & (c[:, 0] > 10) & (c[:, 0] < 104)
     above = (c[:, 1] > 3) & (c[:, 1] < 4) & (c[:, 0] > 23) & (c[:, 0] < 91)
-    return used(Surface(np.c_[x[i], y[j] + 0.02 * np.sin(14 * x[i]), np.zeros(sheet.n)], sheet.F), ~(below | above))
+    return subsurface(
+        Surface(np.c_[x[i], y[j] + 0.02 * np.sin(14 * x[i]), np.zeros(sheet.n)], sheet.F), ~(below | above)
+    )
 
 
 def test_curves_do_not_cross_a_member_narrower_than_the_tolerance():
@@ -302,12 +275,12 @@ def test_curves_do_not_cross_a_member_narrower_than_the_tolerance():
     assert max(c.deviation for chain in loose for c in chain) > gap
 
 
-def test_a_plate_with_a_narrow_member_stays_valid(tmp_path, here):
+def test_a_plate_with_a_narrow_member_stays_valid(tmp_path, inspected):
     solid = thickened(wavy_slits(4e-4))
     said: list[str] = []
     write(solid, tmp_path / "a.step", step=StepOptions(tolerance=3e-3), note=said.append)
     assert said == ["STEP is planar, its outline within 3 mm of the mesh"]
-    assert (here["solids"], here["valid"], here["faces"]) == (1, True, 18)
+    assert (inspected["solids"], inspected["valid"], inspected["faces"]) == (1, True, 18)
 
 
 def test_an_unknown_way_is_refused(tmp_path):
@@ -315,7 +288,7 @@ def test_an_unknown_way_is_refused(tmp_path):
         write(thickened(grid(2, 2, 0.1, 0.1)), tmp_path / "a.step", step="round")
 
 
-def test_too_many_walls_are_over_the_budget(tmp_path, here):
+def test_too_many_walls_are_over_the_budget(tmp_path, inspected):
     solid = thickened(holed_sheet())
     with pytest.raises(ExportError, match="64 planar faces, more than step_faces = 11"):
         write(solid, tmp_path / "a.step", step=StepOptions("planar", faces=11))
@@ -380,7 +353,7 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 
 
 @pytest.mark.slow
-def test_a_build_says_how_its_step_file_was_made(tmp_path, here):
+def test_a_build_reports_the_way_of_its_step_file(tmp_path, inspected):
     how = {"source": Source(("surface.edge=0.08",)), "files": Files(tmp_path, "step"), "pictures": PictureFlags(False)}
     build("cantilever", **how, quiet=True)
     notes = json.loads((tmp_path / "design.json").read_text())["warnings"]

@@ -11,7 +11,7 @@ from dsfab.export.cad.step.by_members.lines import ChainLine
 from dsfab.export.cad.step.by_members.patches import FaceLimits, PatchBuilder, _stray_distances
 from dsfab.export.cad.step.by_members.trimmed import _surface
 from dsfab.export.cad.step.shared.plan import SolidPlan
-from tests.export.test_network import cylinder_strip, draft_of, striped
+from tests.export.member_networks import cylinder_strip, draft_of, striped
 
 
 def test_cubics_are_divided_until_their_poles_are_in_a_box():
@@ -33,7 +33,7 @@ def test_cubics_are_divided_until_their_poles_are_in_a_box():
     assert np.diff(beyond.breaks).min() > 1 / 64, "it ends where nothing helps"
 
 
-def test_patches_beside_the_skins_are_told_by_their_middles():
+def test_patches_off_the_skins_are_found_by_their_middles():
     """Two regions over a plane, of one and of two cells; the skins rise by .1 mm per metre and have a bump of 2 mm."""
     x = np.linspace(0, 300, 4)
     flat = np.stack(np.broadcast_arrays(x[:, None], x, 20.0, x[:, None], x, -20.0), axis=2)[None, None]

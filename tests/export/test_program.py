@@ -16,13 +16,13 @@ def program(tmp_path, text):
     return PreparedProgram(str(path))
 
 
-def test_it_answers_with_its_last_line(tmp_path):
+def test_a_program_answers_with_its_last_line(tmp_path):
     with program(tmp_path, ECHO) as ahead:
         assert ahead.last_line("a.step", "größer", seconds=30) == "größer a.step"
     assert ahead._run.returncode == 0
 
 
-def test_one_that_is_not_asked_is_gone(tmp_path):
+def test_an_unused_program_is_ended(tmp_path):
     with pytest.raises(KeyError), program(tmp_path, ECHO) as ahead:
         raise KeyError
     assert ahead._run.returncode is not None
@@ -55,7 +55,7 @@ WAITS = "import json, pathlib, sys, time\n" + (
 )
 
 
-def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
+def test_background_work_is_done_during_the_wait_for_a_program(tmp_path):
     """The program ends only once that is done, and says so; it is done once."""
     path, done = tmp_path / "done", []
     with work_while_waiting(lambda: done.append(path.touch())), program(tmp_path, WAITS) as ahead:
@@ -66,19 +66,19 @@ def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
     assert len(done) == 1
 
 
-def test_a_program_gets_its_answer_in_when_other_work_took_longer_than_it_may(tmp_path):
+def test_a_finished_program_answers_even_after_its_time_limit(tmp_path):
     with program(tmp_path, ECHO) as ahead, work_while_waiting(ahead._run.wait):
         assert ahead.last_line("a", seconds=0.001) == "a"
 
 
-def test_other_work_is_done_at_the_end_if_nothing_was_waited_for():
+def test_background_work_is_done_at_the_end_without_a_wait():
     done = []
     with work_while_waiting(lambda: done.append(1)):
         assert not done
     assert done == [1]
 
 
-def test_other_work_fails_for_who_asked_for_it_and_not_for_who_waits(tmp_path):
+def test_the_program_answers_before_an_error_of_background_work_is_raised(tmp_path):
     def fail():
         raise ValueError("no picture")
 
@@ -109,7 +109,7 @@ DRAWS = "import json, pathlib, sys, time\n" + (
 )
 
 
-def test_work_begins_with_what_a_program_writes_while_it_goes_on(tmp_path):
+def test_work_on_the_output_of_a_program_begins_while_the_program_runs(tmp_path):
     """It ends only once that is done; what else waits is done before."""
     first, second, order = tmp_path / "first", tmp_path / "second", []
     with work_while_waiting(lambda: order.append("waiting")), program(tmp_path, DRAWS) as ahead:
@@ -118,7 +118,7 @@ def test_work_begins_with_what_a_program_writes_while_it_goes_on(tmp_path):
     assert order == ["waiting", "work"]
 
 
-def test_without_what_the_work_needs_it_is_not_done(tmp_path):
+def test_work_is_skipped_if_the_program_ends_without_its_input(tmp_path):
     with program(tmp_path, "exit(3)") as ahead, pytest.raises(ProgramError, match="code 3"):
         ahead.answer_with_work(lambda: False, lambda: 1 / 0, 30)
 

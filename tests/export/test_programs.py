@@ -3,7 +3,6 @@
 Debian: admesh, prusa-slicer. pip: gmsh, cadaclysm. npm: gltf-validator (its folder in GLTF_VALIDATOR).
 """
 
-import importlib.util
 import json
 import os
 import re
@@ -24,18 +23,14 @@ from dsfab.export import Details, StepOptions, write
 from dsfab.surface.fields import StructureLine
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
-from tests.export.test_export import quick_step  # noqa: F401
-from tests.export.test_lines import ARCHED
+from tests.export.other_programs import module
+from tests.export.striped_solids import ARCHED
+from tests.shapes import grid, lifted
 from tests.smooth import THICKNESS, holed, thickened
-from tests.zoo import grid, lifted
 
 
 def program(name: str) -> Callable:
     return pytest.mark.skipif(shutil.which(name) is None, reason=f"the program {name} is not installed")
-
-
-def module(name: str) -> Callable:
-    return pytest.mark.skipif(importlib.util.find_spec(name) is None, reason=f"the module {name} is not installed")
 
 
 def ran(*command: object, limit: float = 120) -> str:
@@ -46,25 +41,25 @@ def ran(*command: object, limit: float = 120) -> str:
 
 
 @pytest.fixture(scope="module")
-def arch() -> Solid:
+def arched_solid() -> Solid:
     """A curved sheet of 120 x 120 x 8 mm: slicers have a bed of 200 mm unless told otherwise."""
     surface = lifted(lambda x, y: 2 * x * (0.12 - x), cells=8, length=0.12)
     return thicken(surface, offsets(surface, 0.008).D)
 
 
 @pytest.fixture(scope="module")
-def plate() -> Solid:
+def flat_solid() -> Solid:
     """A flat one of 200 x 100 x 8 mm."""
     surface = grid(8, 4, 0.2, 0.1)
     return thicken(surface, offsets(surface, 0.008).D)
 
 
 @program("admesh")
-def test_admesh_finds_nothing_to_mend_in_an_stl_file(arch, tmp_path):
-    said = ran("admesh", write(arch, tmp_path / "arch.stl"))
+def test_admesh_finds_nothing_to_mend_in_an_stl_file(arched_solid, tmp_path):
+    said = ran("admesh", write(arched_solid, tmp_path / "arch.stl"))
     numbers = {key.strip(): float(value) for key, value in re.findall(r"([A-Z][A-Za-z ]+?)\s*:\s*(-?[\d.]+)", said)}
-    assert numbers["Number of facets"] == len(arch.F)
-    assert numbers["Volume"] == pytest.approx(arch.volume * 1e9, rel=1e-5)
+    assert numbers["Number of facets"] == len(arched_solid.F)
+    assert numbers["Volume"] == pytest.approx(arched_solid.volume * 1e9, rel=1e-5)
     assert numbers["Number of parts"] == 1
     for fault in ("Degenerate facets", "Edges fixed", "Facets removed", "Facets added", "Facets reversed",
                   "Backwards edges", "Normals fixed", "Total disconnected facets"):  # fmt: skip
@@ -73,17 +68,17 @@ def test_admesh_finds_nothing_to_mend_in_an_stl_file(arch, tmp_path):
 
 @program("prusa-slicer")
 @pytest.mark.parametrize("suffix", ["stl", "3mf"])
-def test_prusaslicer_finds_a_manifold_and_slices_it(suffix, arch, tmp_path):
-    path, made = write(arch, tmp_path / f"arch.{suffix}"), tmp_path / "arch.gcode"
+def test_prusaslicer_accepts_and_slices_the_solid(suffix, arched_solid, tmp_path):
+    path, made = write(arched_solid, tmp_path / f"arch.{suffix}"), tmp_path / "arch.gcode"
     info = dict(re.findall(r"^(\w+) = +(.+)$", ran("prusa-slicer", "--info", path), re.M))
     assert info["manifold"] == "yes"
-    assert (info["number_of_facets"], info["number_of_parts"]) == (str(len(arch.F)), "1")
-    assert float(info["volume"]) == pytest.approx(arch.volume * 1e9, rel=1e-4)
+    assert (info["number_of_facets"], info["number_of_parts"]) == (str(len(arched_solid.F)), "1")
+    assert float(info["volume"]) == pytest.approx(arched_solid.volume * 1e9, rel=1e-4)
     coarse = ("--layer-height", 0.3, "--fill-density", "0%", "--perimeters", 1, "--top-solid-layers", 0)
     said = ran("prusa-slicer", "--export-gcode", *coarse, "-o", made, path)
     assert "repair" not in said.lower()
     height = max(float(z) for z in re.findall(r"^;Z:([\d.]+)", made.read_text(), re.M) or [0.0])
-    assert height == pytest.approx(1000 * np.ptp(arch.box[:, 2]), abs=0.5)
+    assert height == pytest.approx(1000 * np.ptp(arched_solid.box[:, 2]), abs=0.5)
 
 
 GMSH = """
@@ -104,8 +99,8 @@ print(len(solids), volume, len(tetrahedra))
 
 @module("gmsh")
 @pytest.mark.parametrize("way", ["planar", "faceted"])
-def test_gmsh_reads_a_step_file_and_fills_it_with_tetrahedra(way, arch, plate, tmp_path, quick_step):  # noqa: F811
-    solid = plate if way == "planar" else arch
+def test_gmsh_fills_a_step_file_with_tetrahedra(way, arched_solid, flat_solid, tmp_path, inspected):
+    solid = flat_solid if way == "planar" else arched_solid
     path = write(solid, tmp_path / "a.step", step=way)
     solids, volume, tetrahedra = ran(sys.executable, "-c", GMSH, path, 30).split()[-3:]
     assert solids == "1"
@@ -117,11 +112,11 @@ STEP_WAYS = ("planar", "smooth", "faceted", "tessellated")
 
 
 @pytest.fixture
-def step_file(arch, plate, tmp_path, quick_step, here) -> Callable[[str], tuple[Solid, Path]]:  # noqa: F811
+def step_file(arched_solid, flat_solid, tmp_path, inspected, inspected_pieces) -> Callable[[str], tuple[Solid, Path]]:
     """A solid and its file, by the way to write it."""
 
     def made(way: str) -> tuple[Solid, Path]:
-        solid, curved = plate if way == "planar" else arch, None
+        solid, curved = flat_solid if way == "planar" else arched_solid, None
         if way == "smooth":
             surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
             sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
@@ -203,11 +198,11 @@ validator.validateBytes(new Uint8Array(fs.readFileSync(process.argv[2])))
 
 @program("node")
 @pytest.mark.skipif("GLTF_VALIDATOR" not in os.environ, reason="GLTF_VALIDATOR names no folder with gltf-validator")
-def test_the_validator_of_khronos_passes_a_glb_file(arch, tmp_path):
-    path = write(arch, tmp_path / "a.glb")
+def test_the_validator_of_khronos_passes_a_glb_file(arched_solid, tmp_path):
+    path = write(arched_solid, tmp_path / "a.glb")
     report = json.loads(ran("node", "-e", VALIDATE, os.environ["GLTF_VALIDATOR"], path))
     assert (report["issues"]["numErrors"], report["issues"]["numWarnings"]) == (0, 0)
-    assert report["info"]["totalTriangleCount"] == len(arch.F)
+    assert report["info"]["totalTriangleCount"] == len(arched_solid.F)
 
 
 def test_ezdxf_audits_a_dxf_file(tmp_path):
@@ -217,25 +212,25 @@ def test_ezdxf_audits_a_dxf_file(tmp_path):
 
 
 @module("rhino3dm")
-def test_rhino3dm_reads_a_3dm_file_again(arch, tmp_path):
+def test_rhino3dm_reads_a_3dm_file_again(arched_solid, tmp_path):
     import rhino3dm
 
     points = np.array([[0.0, 0, 0], [0.1, 0, 0.1], [0.2, 0, 0]])
     line = StructureLine("centre", "major", 1, 1, points, 0.2 * np.sqrt(2))
-    model = rhino3dm.File3dm.Read(str(write(arch, tmp_path / "a.3dm", details=Details((line,)))))
+    model = rhino3dm.File3dm.Read(str(write(arched_solid, tmp_path / "a.3dm", details=Details((line,)))))
     assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
     assert sorted(layer.Name for layer in model.Layers) == ["centre-major", "sheet"]
     assert all(item.Geometry.IsValid for item in model.Objects)
     mesh = next(item.Geometry for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Mesh)
     assert mesh.IsClosed
-    assert mesh.Faces.Count == len(arch.F)
+    assert mesh.Faces.Count == len(arched_solid.F)
 
 
 @program("freecadcmd")
 @pytest.mark.slow
 @pytest.mark.parametrize("way", ["planar", "faceted"])
-def test_freecad_finds_a_valid_solid_in_a_step_file(way, arch, plate, tmp_path, quick_step):  # noqa: F811
-    solid = plate if way == "planar" else arch
+def test_freecad_finds_a_valid_solid_in_a_step_file(way, arched_solid, flat_solid, tmp_path, inspected):
+    solid = flat_solid if way == "planar" else arched_solid
     path, script = write(solid, tmp_path / "a.step", step=way), tmp_path / "look.py"
     script.write_text(
         f"import Part\ns = Part.read({str(path)!r})\n"

@@ -11,42 +11,18 @@ from dsfab.app.export import format_suffix
 from dsfab.core.errors import ExportError
 from dsfab.design import Design
 from dsfab.design.member_model import action_cases
-from dsfab.export import FORMATS, Details, write
+from dsfab.export import FORMATS, Details
 from dsfab.members.frame import solve_frame
 from dsfab.preset.file import load_preset
 from dsfab.surface import Cladding, Combination, Pressure, SelfWeight, Snow
-from dsfab.surface.shapes import plate
 from tests.designs import coarse_design
-from tests.members.test_frame import CLAMPED, PINNED, frame
+from tests.export.saf_members import ACTIONS, crooked, written
 from tests.opensees import solved_script
 from tests.pynite import solved_from
 from tests.saf import faults, read, sums
 
-ACTIONS = {"dead": "permanent", "snow": "snow", "crowd": "variable"}
 
-
-def crooked():
-    """Beams in space with a spring, three cases and two combinations."""
-    points = [[0, 0, 0], [1, 0.2, 1.5], [2.5, 0, 2], [4, -0.3, 1.6], [5, 0, 0], [2.5, 2, 2]]
-    ends = [(0, 1), (1, 2), (2, 3), (3, 4), (2, 5)]
-    loads = {
-        "dead": {1: [0, 0, -2e3, 0, 0, 0], 3: [0, 0, -2e3, 10, -20, 0]},
-        "snow": {2: [0, 0, -5e3, 0, 0, 0]},
-        "crowd": {5: [100, -50, -1e3, 0, 0, 0]},
-    }
-    made = frame(points, {0: CLAMPED, 4: PINNED}, loads, ends=ends, normal=(0.1, 1, 0.3), width=0.1234)
-    spring = np.zeros((6, 6))
-    spring[5, 2] = 2e6
-    sums = {"ULS 1": {"dead": 1.35, "snow": 1.5}, "lifted": {"dead": 0.9, "crowd": -1.5}}
-    return replace(made, normal=made.axes[:, 2], spring=spring, combinations=sums)
-
-
-def written(made, path):
-    details = Details(frame=replace(made, actions=ACTIONS), facts=("all good",))
-    return write(plate(1, 1, 1), path, name="crooked", details=details)
-
-
-def test_the_workbook_has_what_the_published_tables_ask(tmp_path):
+def test_the_workbook_has_the_columns_of_the_published_tables(tmp_path):
     book = read(written(crooked(), tmp_path / "crooked.saf.xlsx"))
     assert faults(book) == []
     assert book["Project"][0]["Name"] == "crooked"
@@ -94,7 +70,7 @@ def test_the_workbook_has_what_the_published_tables_ask(tmp_path):
         ("Model", "SAF Version", "1.0", "SAF Version is '1.0'"),
     ],
 )
-def test_the_checker_finds_what_is_wrong(tmp_path, sheet, column, value, said):
+def test_the_checker_of_the_tests_finds_planted_faults(tmp_path, sheet, column, value, said):
     book = read(written(crooked(), tmp_path / "crooked.saf.xlsx"))
     book[sheet][0][column] = value
     assert any(said in fault for fault in faults(book))
@@ -168,11 +144,6 @@ def test_a_file_that_reads_back_different_is_refused(tmp_path, monkeypatch):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_sheet_alone_has_no_beam_model(tmp_path):
-    with pytest.raises(ExportError, match="'x' has no beam model; only a design knows it"):
-        write(plate(1, 1, 1), tmp_path / "x.saf.xlsx")
-
-
 def test_people_say_saf(tmp_path, capsys):
     assert format_suffix("saf") == format_suffix("saf.xlsx") == ".saf.xlsx"
     assert Files(format_="stl, saf").preset_overrides() == ('export.formats=["stl", "saf.xlsx"]',)
@@ -181,7 +152,7 @@ def test_people_say_saf(tmp_path, capsys):
 
 
 @pytest.mark.slow
-def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path, capsys):
+def test_export_writes_saf_and_reports_the_accuracy_of_beams(tmp_path, capsys):
     path = tmp_path / "vault.saf.xlsx"
     coarse = ["--set", "surface.edge=0.5"]
     assert main(["export", "barrel_vault", "--to", "saf", "-o", str(path), *coarse]) == 0

@@ -24,11 +24,11 @@ from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.surface.shapes.round_shapes import dome
 from dsfab.thickening import thicken
+from tests.shapes import grid, sphere
 from tests.smooth import THICKNESS, holed, written
-from tests.zoo import grid, sphere
 
 
-def test_hats_sum_to_one_and_their_slopes_are_those_of_a_cubic():
+def test_spline_hats_sum_to_one_and_have_the_slopes_of_a_cubic():
     knots = np.r_[[0.0] * 4, 0.2, 0.5, 0.55, [1.0] * 4]
     x = np.linspace(0, 1, 41)
     first, values = basis(x, knots)
@@ -92,7 +92,7 @@ def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
     ids=["vault", "cap, unasked"],
 )
 def test_a_patch_with_two_holes_is_two_skins_and_their_walls(
-    tmp_path, here, monkeypatch, make_surface, centres, radius, step
+    tmp_path, inspected_pieces, monkeypatch, make_surface, centres, radius, step
 ):
     monkeypatch.setattr(soundness, "MOST_FACES", 0)
     surface = make_surface()
@@ -100,13 +100,13 @@ def test_a_patch_with_two_holes_is_two_skins_and_their_walls(
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", step)
     assert len(shape.solids()) == 1
     assert shape.is_valid
-    assert [face["valid"] and face["closed"] and face["tessellates"] for face in here] == [True]
+    assert [face["valid"] and face["closed"] and face["tessellates"] for face in inspected_pieces] == [True]
     assert said[0].startswith("STEP is smooth")
     skins = [face for face in shape.faces() if face.area > 1e6]
     assert len(skins) == 2
     assert all(len(face.inner_wires()) == 2 for face in skins)
-    assert here[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
-    assert here[0]["gap"] <= 1000 * THICKNESS / 20
+    assert inspected_pieces[0]["volume"] == pytest.approx(solid.volume * 1e9, rel=2e-3)
+    assert inspected_pieces[0]["gap"] <= 1000 * THICKNESS / 20
     assert (tmp_path / "a.step").stat().st_size < 75 * len(solid.F)  # one face per triangle takes 750 bytes each
 
 
@@ -128,7 +128,7 @@ def pushed(curve):
 honest_parts = edges._parts
 
 
-def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_path, here, monkeypatch):
+def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_path, inspected_pieces, monkeypatch):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     monkeypatch.setattr(edges, "_parts", displaced)
@@ -137,7 +137,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
     with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
-    assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in here] == [True]
+    assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in inspected_pieces] == [True]
 
 
 def test_curves_of_outlines_keep_their_tolerance_or_are_cut_in_two():
@@ -192,18 +192,18 @@ def test_the_sides_of_a_slit_keep_a_share_of_its_width_in_the_plane_and_in_space
 
 
 @pytest.mark.slow
-def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
+def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, inspected_pieces):
     surface = sphere(4)
     centres = [[1, 0, 0], [-1, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]]
     sheet = holed(surface, centres, 0.5)
     solid, shape, _ = written(surface, sheet, tmp_path / "a.step")
     assert len(shape.solids()) == 1
     assert shape.is_valid
-    assert here[0]["closed"]
+    assert inspected_pieces[0]["closed"]
     caps = 2 * np.pi * (1 - np.cos(2 * np.arcsin(0.25))) * 3
     exact = (4 * np.pi - caps) * (THICKNESS + THICKNESS**3 / 12)
-    assert here[0]["volume"] == pytest.approx(exact * 1e9, rel=4e-3)  # holes cut from a mesh are polygons
-    assert here[0]["volume"] > solid.volume * 1e9  # the mesh lies inside the sphere
+    assert inspected_pieces[0]["volume"] == pytest.approx(exact * 1e9, rel=4e-3)  # holes cut from a mesh are polygons
+    assert inspected_pieces[0]["volume"] > solid.volume * 1e9  # the mesh lies inside the sphere
 
 
 @pytest.mark.parametrize("level", [3, 4])
@@ -219,7 +219,7 @@ def test_a_shell_of_a_sphere_is_known_to_be_larger_than_the_prisms_on_its_triang
 
 
 @pytest.mark.slow
-def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, here, monkeypatch):
+def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, inspected_pieces, monkeypatch):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
@@ -262,7 +262,7 @@ def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatc
 
 
 @pytest.mark.slow
-def test_a_folded_sheet_is_refused_and_says_why(tmp_path, here):
+def test_a_folded_sheet_is_refused_and_says_why(tmp_path, inspected_pieces):
     flat = grid(16, 8, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1)], flat.F)
     sheet = holed(surface, [[0.5, 0.5, 0.5]], 0.2)

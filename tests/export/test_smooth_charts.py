@@ -20,7 +20,7 @@ from dsfab.export.part import DividedSheet, part_of
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
 
 THICKNESS = 0.04
 
@@ -36,7 +36,7 @@ def all_of(surface: Surface) -> Sheet:
     return cut(surface, [surface.V[:, 0]], [np.array([-2.0])]).subset()
 
 
-def test_a_chart_is_divided_where_no_spline_follows_it_and_the_other_borders_stay(monkeypatch):
+def test_a_chart_without_a_fit_is_divided_and_other_borders_stay(monkeypatch):
     for name in ("FEW_POLES", "MOST_POLES"):
         monkeypatch.setattr(charts, name, 9)
     surface = bumped()
@@ -62,7 +62,7 @@ def test_a_chart_that_no_plane_sees_is_divided():
     assert min(chart.steepest for chart in atlas.charts.values()) > charts.STEEPEST
 
 
-def test_a_fit_keeps_its_tolerance_between_its_points_or_asks_for_more():
+def test_a_fit_keeps_its_tolerance_between_its_points_or_adds_points():
     """With as many poles as points a surface meets the points, and waves between them."""
     rng = np.random.default_rng(0)
     height = lambda p: 0.5 * np.exp(-((p**2).sum(axis=1)) / 0.02)  # noqa: E731
@@ -89,7 +89,7 @@ def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
     assert limits.allowed_distances(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
 
 
-def test_what_is_allowed_where_the_mesh_is_coarsest_is_told_if_it_is_far_more():
+def test_a_much_larger_tolerance_at_the_coarsest_faces_gives_a_note():
     """A file 7 mm off was said to be allowed 2 mm and usually 1."""
     V, F = np.zeros((3, 3)), np.zeros((20, 3), dtype=np.int64)
     chord = np.append(np.full(19, 0.3), 9.0)
@@ -99,7 +99,7 @@ def test_what_is_allowed_where_the_mesh_is_coarsest_is_told_if_it_is_far_more():
     assert even == "allowed are 1 mm and the mesh's own chord error, usually under 0.3 mm"
 
 
-def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
+def test_a_face_between_three_borders_joins_a_neighbouring_chart():
     """Chart 3 is largest at no corner of face 1, nor is it near."""
     F = np.array([[0, 1, 2], [1, 3, 2]])
     fields = np.array([[1.0, 0, 0, -9], [0.6, 0.6, 0, -9], [0.6, 0, 0.6, -9], [0, 0.7, 0.5, -9]])
@@ -107,7 +107,7 @@ def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
     assert _where_largest(fields, F, np.array([0, 2])).tolist() == [0, 2]
 
 
-def test_an_outline_that_touches_itself_is_cut_apart_there():
+def test_an_outline_that_touches_itself_is_split_at_that_vertex():
     """Chart 1 is two squares that meet in a corner: the outline of chart 0 around them comes by there twice."""
     flat = grid(4, 4, 4.0, 4.0)
     cell = np.floor(flat.centroids[:, :2]).tolist()
@@ -135,7 +135,7 @@ def test_an_outline_that_touches_itself_is_cut_apart_there():
     assert len(seams[0]) == 4
 
 
-def test_runs_of_a_wall_end_where_a_seam_touches_it():
+def test_wall_runs_end_at_the_vertices_of_seams():
     """Chart 1 is a square, a corner of which touches the longest side of an opening with three: two outlines of chart 0
     pass that vertex, and curves that only came near it would cross."""
     flat = grid(4, 4, 4.0, 4.0)
@@ -154,7 +154,7 @@ def test_runs_of_a_wall_end_where_a_seam_touches_it():
 
 
 @pytest.mark.slow
-def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
+def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, inspected_pieces, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
     monkeypatch.setattr(acceptance, "LAYOUTS", acceptance.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
@@ -170,7 +170,7 @@ def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
 
 
 @pytest.mark.parametrize(("middle", "needed"), [(1.5, True), (0.5, False)])
-def test_a_chart_that_the_only_solid_needs_ends_its_layout_where_it_fails(monkeypatch, middle, needed):
+def test_a_failed_chart_of_the_only_solid_stops_the_layout(monkeypatch, middle, needed):
     """Of eight charts one fails, at x = 1.5: where the solid is there, those after it are not fitted."""
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), 0.2 * flat.V[:, 0] ** 2], flat.F)

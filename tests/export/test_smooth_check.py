@@ -18,7 +18,7 @@ from tests.smooth import holed, written
 
 
 @pytest.mark.slow
-def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
+def test_the_worker_gives_the_same_findings_as_this_process(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
     here = pieces.solid_findings(str(tmp_path / "a.step"))
@@ -53,7 +53,7 @@ os._exit(0)
 
 
 @pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
-def test_a_copy_ends_with_the_process_that_it_is_a_copy_of(tmp_path):
+def test_a_forked_worker_ends_with_its_parent(tmp_path):
     """As when the time is over, or somebody presses Ctrl-C."""
     (tmp_path / "a.py").write_text(LEFT)
     state = Path("/proc", last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60), "stat")
@@ -90,7 +90,7 @@ TURNED = {
 
 
 @pytest.mark.parametrize("what", TURNED)
-def test_what_other_readers_mend_is_refused(tmp_path, vault, what):
+def test_a_fault_that_other_readers_repair_is_refused(tmp_path, vault, what):
     """One sense in the file turned over: OCCT as build123d uses it repairs that and calls it valid."""
     from build123d import import_step
 
@@ -131,7 +131,7 @@ def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solids", [1, 3])
-def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
+def test_the_inspection_of_a_whole_file_has_the_triangles_of_dsfab_check(tmp_path, solids):
     """Though OCCT may mend there what it reads: the same triangles of the same faces, and of the shape that is kept."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
@@ -168,7 +168,7 @@ def test_a_copy_that_asks_while_a_whole_is_drawn_finds_the_same(tmp_path):
     assert all(np.array_equal(getattr(mesh, name), getattr(seen[0], name)) for name in ("V", "F", "face", "solids"))
 
 
-def test_a_whole_that_is_not_valid_is_known_though_it_is_drawn_meanwhile(tmp_path, vault):
+def test_an_invalid_whole_is_detected_even_if_it_has_triangles(tmp_path, vault):
     found = list(re.finditer(TURNED["a face"], vault))[-1]
     (tmp_path / "a.step").write_text(vault[: found.end() - 5] + ".F." + vault[found.end() - 2 :])
     with reports.occt() as program:
@@ -179,7 +179,7 @@ def test_a_whole_that_is_not_valid_is_known_though_it_is_drawn_meanwhile(tmp_pat
     assert not pieces.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)
 
 
-def test_triangles_of_a_placed_shape_lie_where_it_is_placed():
+def test_triangles_of_a_placed_shape_have_its_position():
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
     from OCP.gp import gp_Trsf, gp_Vec
     from OCP.TopLoc import TopLoc_Location

@@ -16,7 +16,7 @@ from dsfab.export.cad.step.worker.reports import distinct_points
 from dsfab.export.splines import splines_through
 from dsfab.surface.shapes.round_shapes import sphere
 from dsfab.surface.topology import edge_table, faces_at
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 def wavy(rng, count, d=2):
@@ -33,7 +33,7 @@ def spline_through(x, Q, tolerance, parts=1):
 
 
 @pytest.mark.parametrize("at_once", [1, 2000])
-def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
+def test_curves_fitted_together_equal_curves_fitted_alone(monkeypatch, at_once):
     rng = np.random.default_rng(0)
     samples = list(wavy(rng, 40, 6))
     wanted = 10 ** rng.uniform(-4, 0, len(samples))
@@ -47,7 +47,7 @@ def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
         assert off == pytest.approx(away, abs=1e-9)
 
 
-def test_cubics_are_the_nearest_with_their_ends_where_they_are():
+def test_fitted_cubics_are_least_squares_solutions_with_fixed_ends():
     """Least squares with full tables of hats, of which the poles between the ends are free."""
     samples = list(wavy(np.random.default_rng(1), 30))
     found = splines_through(samples, [1e-3] * len(samples))
@@ -117,7 +117,7 @@ def test_nearest_points_of_many_are_those_of_each():
         assert np.einsum("ki,ki->k", P - there, slope)[inside] == pytest.approx(0, abs=1e-7)
 
 
-def test_each_chart_is_asked_once_about_all_its_rows():
+def test_each_chart_is_fitted_once_for_all_its_rows():
     calls = []
     rows = [np.full((n, 2), n) for n in (1, 3, 2, 4)]
     said = by_chart([5, 2, 5, 2], rows, lambda k, x: calls.append((k, len(x))) or k * x)
@@ -163,7 +163,7 @@ def test_points_are_written_as_lists_are():
     assert len(new.text) == len(set(wanted)) < len(P)
 
 
-def test_prisms_are_those_of_a_quadrature_that_is_exact_for_cubics():
+def test_prism_volumes_agree_with_an_exact_quadrature():
     V, D = np.random.default_rng(0).normal(size=(2, 30, 3))
     F = np.random.default_rng(1).permutation(30).reshape(-1, 3)
     total = np.zeros(len(F))
@@ -173,7 +173,7 @@ def test_prisms_are_those_of_a_quadrature_that_is_exact_for_cubics():
     assert prisms(V, D, F) == pytest.approx(total)
 
 
-def test_chords_that_cross_are_those_of_all_pairs():
+def test_crossing_chords_equal_those_of_a_search_over_all_pairs():
     """Chords of very different lengths; two in five begin where another one ends."""
     rng = np.random.default_rng(0)
     start = rng.random((200, 2))
@@ -245,7 +245,7 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
     return counts, fit
 
 
-def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
+def test_the_number_of_poles_grows_with_the_fourth_root_of_the_deviation(monkeypatch):
     """Twice as many at most, 1.15 times at least, 1.05 times what the root says between; what is just near enough is
     taken."""
     counts, fit = tried(monkeypatch, 100, [16.0, 2.0, 1.001, 1.0])
@@ -264,7 +264,7 @@ def test_poles_grow_with_the_fourth_root_of_what_a_fit_is_off(monkeypatch):
         (16, {"most_poles": 10}, [8, 10], False),
     ],
 )
-def test_poles_grow_up_to_what_is_allowed_and_what_the_points_are_for(monkeypatch, side, how, poles, starved):
+def test_the_number_of_poles_grows_up_to_the_limit_and_the_number_of_points(monkeypatch, side, how, poles, starved):
     counts, fit = tried(monkeypatch, side, [1e6] * len(poles), **how)
     assert counts == [(n, n) for n in poles]
     assert fit.starved == starved
@@ -275,5 +275,5 @@ def test_poles_grow_up_to_what_is_allowed_and_what_the_points_are_for(monkeypatc
     ("stretch", "poles"),
     [((4.0, 1.0), (16, 6)), ((1.0, 2.0), (6, 11)), ((1000.0, 1.0), (25, 6)), ((1.0, 1000.0), (6, 25))],
 )
-def test_poles_are_as_far_apart_both_ways_up_to_ten_to_one(monkeypatch, stretch, poles):
+def test_poles_have_equal_distances_in_both_directions_up_to_ten_to_one(monkeypatch, stretch, poles):
     assert tried(monkeypatch, 100, [0.5], stretch)[0] == [poles]

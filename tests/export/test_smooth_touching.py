@@ -43,7 +43,7 @@ def test_the_place_where_an_outline_crosses_itself():
 
 @pytest.mark.parametrize("ahead", [(True, True), (False, True), (True, False)])
 @pytest.mark.parametrize("hook", [-0.03, 0.03])
-def test_two_curves_that_change_sides_just_before_they_meet(ahead, hook):
+def test_two_curves_that_cross_just_before_their_end_are_separated(ahead, hook):
     """A leaf with its tip at the origin; with a hook below the axis its upper side arrives from below."""
     above = np.array([[10, 1], [7, 1], [0.6, hook], [0, 0]])
     below = np.array([[0, 0], [0.6, -hook], [7, -1], [10, -1]])

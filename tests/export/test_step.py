@@ -14,22 +14,14 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.entities import step_string
 from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, _corners, outline_of, polyhedron
 from dsfab.export.cad.step.worker import program, reports
-from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.mesh.soundness import solids_of, winding
 from dsfab.export.part import part_of
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken
-from tests.export.test_export import box, needle, torus
-from tests.zoo import grid, sphere
-
-
-@pytest.fixture
-def here(monkeypatch):
-    """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
-    found: dict = {}
-    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts(path)) or found)
-    return found
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import needle, solid_box, solid_torus
+from tests.shapes import grid, sphere
 
 
 def joined(solid: Solid) -> Polyhedron:
@@ -63,13 +55,6 @@ def check_laws(shape: Polyhedron, volume: float) -> None:
     assert total == pytest.approx(volume * 1e9, rel=1e-6)
 
 
-def plate_with_hole() -> Solid:
-    """6 x 6 squares of 0.1 m without the middle four, 20 mm thick."""
-    plate = grid(6, 6, 0.6, 0.6)
-    inside = (np.abs(plate.centroids[:, :2] - 0.3) < 0.1).all(axis=1)
-    return thicken(Surface(plate.V, plate.F[~inside]), np.tile([0, 0, 0.01], (plate.n, 1)))
-
-
 def bumps(heights: np.ndarray) -> Solid:
     """A plate of 6 x 6 squares whose inner vertices are lifted by the 25 heights; 0.02 m thick along z: 0.0072 m3."""
     plate = grid(6, 6, 0.6, 0.6)
@@ -86,7 +71,7 @@ def both(one: Solid, two: Solid, pieces: int = 2) -> Solid:
 def test_a_box_in_a_process_of_its_own_reads_back_in_millimetres(tmp_path):
     from build123d import import_step
 
-    path = write(box(corner=(1.0, -2.0, 0.5)), tmp_path / "box.step", name="o'clock")
+    path = write(solid_box(corner=(1.0, -2.0, 0.5)), tmp_path / "box.step", name="o'clock")
     text = path.read_text("ascii")
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
     assert "PRODUCT('o''clock','o''clock'" in text
@@ -101,7 +86,7 @@ def test_a_box_in_a_process_of_its_own_reads_back_in_millimetres(tmp_path):
     assert [*low, *high] == pytest.approx([1000, -2000, 500, 1200, -1700, 550], abs=1e-5)
 
 
-def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, here):
+def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, inspected):
     solid = plate_with_hole()
     shape = joined(solid)
     assert len(solid.F) > 150
@@ -110,11 +95,11 @@ def test_a_flat_plate_with_a_hole_has_ten_faces(tmp_path, here):
     assert sorted(np.diff(shape.faces).tolist()) == [1] * 8 + [2, 2]
     check_laws(shape, 0.32 * 0.02)
     write(solid, tmp_path / "plate.stp")
-    assert here["volume"] == pytest.approx(0.32 * 0.02 * 1e9, rel=1e-6)
-    assert (here["solids"], here["faces"], here["valid"]) == (1, 10, True)
+    assert inspected["volume"] == pytest.approx(0.32 * 0.02 * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["faces"], inspected["valid"]) == (1, 10, True)
 
 
-def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, here):
+def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, inspected):
     heights = np.zeros((5, 5))
     heights[1, 1] = heights[3, 3] = 0.05
     solid = bumps(heights)
@@ -126,7 +111,7 @@ def test_holes_that_touch_in_a_point_stay_two_loops(tmp_path, here):
     assert len(inner) == 2
     assert len(set(inner[0].tolist()) & set(inner[1].tolist())) == 1
     write(solid, tmp_path / "a.step")
-    assert here["valid"]
+    assert inspected["valid"]
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)
@@ -209,22 +194,22 @@ def test_slivers_lie_in_their_neighbours_face():
     check_laws(shape, 1 / 6)
 
 
-def test_two_tubes_are_two_solids(tmp_path, here):
-    ring = torus(10, 6)
+def test_two_tubes_are_two_solids(tmp_path, inspected):
+    ring = solid_torus(10, 6)
     pair = both(ring, Solid(ring.V + [0, 0, 2], ring.F, 1, 1))
     write(pair, tmp_path / "pair.step")
-    assert here["solids"] == 2
-    assert here["faces"] == 2 * (4 * 10 + 2)  # flat trapezoids; the topmost and lowest make rings
-    assert here["volume"] == pytest.approx(2 * ring.volume * 1e9, rel=1e-6)
+    assert inspected["solids"] == 2
+    assert inspected["faces"] == 2 * (4 * 10 + 2)  # flat trapezoids; the topmost and lowest make rings
+    assert inspected["volume"] == pytest.approx(2 * ring.volume * 1e9, rel=1e-6)
 
 
-def test_a_thickened_sphere_is_one_solid_with_a_void(tmp_path, here):
+def test_a_thickened_sphere_is_one_solid_with_a_void(tmp_path, inspected):
     ball = sphere(2)
     shell = thicken(ball, 0.05 * ball.vertex_normals)
     path = write(shell, tmp_path / "shell.step")
     assert path.read_text("ascii").count("BREP_WITH_VOIDS") == 1
-    assert (here["solids"], here["valid"]) == (1, True)
-    assert here["volume"] == pytest.approx(shell.volume * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["valid"]) == (1, True)
+    assert inspected["volume"] == pytest.approx(shell.volume * 1e9, rel=1e-6)
 
 
 def test_a_void_is_written_as_a_shell_that_faces_outwards(monkeypatch):
@@ -251,18 +236,18 @@ def test_a_hollow_ball_in_a_void_is_a_solid_with_its_own_void():
 
 
 def test_the_winding_number_is_one_inside_and_nothing_outside():
-    ring = torus()
+    ring = solid_torus()
     assert winding(np.array([1.0, 0, 0]), ring.V, ring.F) == pytest.approx(1, abs=1e-9)
     assert winding(np.zeros(3), ring.V, ring.F) == pytest.approx(0, abs=1e-9)
 
 
 def test_a_piece_inside_out_is_refused(tmp_path):
-    turned = both(box(size=np.ones(3)), Solid(box().V + 3, box().F[:, ::-1], 0, 1))
+    turned = both(solid_box(size=np.ones(3)), Solid(solid_box().V + 3, solid_box().F[:, ::-1], 0, 1))
     with pytest.raises(ExportError, match=r"piece \d of the solid 'a' is inside out"):
         write(turned, tmp_path / "a.step")
 
 
-def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
+def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, inspected):
     solid = plate_with_hole()
     write(solid, tmp_path / "plate.step", step=StepOptions(faces=10))
     (tmp_path / "plate.step").unlink()
@@ -280,14 +265,14 @@ def test_the_budget_counts_joined_faces_and_names_the_ways_out(tmp_path, here):
     assert not any(tmp_path.iterdir())
 
 
-def test_vertices_closer_than_the_decimals_are_merged(tmp_path, here):
+def test_vertices_closer_than_the_decimals_are_merged(tmp_path, inspected):
     path = write(needle(1e-10, 0.0), tmp_path / "a.step")
     assert path.read_text("ascii").count("VERTEX_POINT") == 8
-    assert here["faces"] == 6
+    assert inspected["faces"] == 6
 
 
 def test_an_edge_with_four_triangles_is_refused(tmp_path):
-    one, two = box(size=np.ones(3)), box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
+    one, two = solid_box(size=np.ones(3)), solid_box(size=np.ones(3), corner=(1.0, 1.0, 0.0))
     V, of = np.unique(np.r_[one.V, two.V], axis=0, return_inverse=True)
     touching = Solid(V, of.ravel()[np.r_[one.F, two.F + 8]], genus=0, pieces=2)
     with pytest.raises(ExportError, match="1 edges of 'a' have more than two triangles"):
@@ -309,7 +294,7 @@ def test_an_edge_with_four_triangles_is_refused(tmp_path):
     ],
     ids=["metres", "open", "no solid", "crossing", "dented"],
 )
-def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, said):
+def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, inspected, pattern, by, said):
     entities = file.entities
 
     def spoilt(*arguments):
@@ -319,7 +304,7 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
 
     monkeypatch.setattr(file, "entities", spoilt)
     with pytest.raises(ExportError) as caught:
-        write(box(), tmp_path / "box.step", step="faceted")
+        write(solid_box(), tmp_path / "box.step", step="faceted")
     assert said in str(caught.value)
     assert not any(tmp_path.iterdir())
 
@@ -333,27 +318,27 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
         ({"tessellates": False}, "no triangles of a face of the STEP solid of 'box'"),
     ],
 )
-def test_what_the_checker_says_is_believed(tmp_path, monkeypatch, finding, said):
+def test_the_findings_of_the_inspection_decide(tmp_path, monkeypatch, finding, said):
     said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "tessellates": True, "volume": 3e6}
     monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box)
-    write(box(), tmp_path / "box.step").unlink()
+    write(solid_box(), tmp_path / "box.step").unlink()
     monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box | finding)
     with pytest.raises(ExportError, match=said):
-        write(box(), tmp_path / "box.step")
+        write(solid_box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
 
 
-def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeypatch):
+def test_an_inspection_over_its_time_limit_fails_and_leaves_no_file(tmp_path, monkeypatch):
     monkeypatch.setattr(file, "CHECK_SECONDS", 0.05)
     monkeypatch.setattr(file, "CHECK_SECONDS_PER_FACE", 0.0)
     with pytest.raises(ExportError, match="'box' did not end within 0 s"):
-        write(box(), tmp_path / "box.step")
+        write(solid_box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow
 def test_a_check_that_fails_gives_its_reason(tmp_path):
-    part = part_of(box(), "box", 10)
+    part = part_of(solid_box(), "box", 10)
     with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(OCCT does not read it"):
         file.inspection(part, tmp_path / "missing.step")
 

@@ -12,9 +12,9 @@ from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.entities import FACETED_DIGITS
 from dsfab.export.part import part_of
 from dsfab.thickening import Solid
-from tests.export.test_export import torus
-from tests.export.test_programs import module
-from tests.export.test_step import here, plate_with_hole  # noqa: F401
+from tests.export.other_programs import module
+from tests.export.planar_solids import plate_with_hole
+from tests.export.solids import solid_torus
 
 UNIT = 10.0**-FACETED_DIGITS
 
@@ -40,8 +40,8 @@ def references(text: str) -> list[int]:
     return [int(k) for k in re.findall(r"#(\d+)", text)]
 
 
-@pytest.mark.parametrize("solid", [turned(torus()), turned(plate_with_hole(), 1)], ids=["torus", "plate"])
-def test_lines_join_the_written_corners_exactly_and_planes_pass_them_by(solid):
+@pytest.mark.parametrize("solid", [turned(solid_torus()), turned(plate_with_hole(), 1)], ids=["torus", "plate"])
+def test_written_lines_join_the_written_corners_exactly(solid):
     found = entities(solid)
     points = [rest for word, rest in found.values() if word == "CARTESIAN_POINT"]
     assert len(points) == len(set(points))
@@ -77,33 +77,33 @@ def test_edges_along_an_axis_share_a_direction_whatever_their_lengths():
     assert len(directions) == 2 + 3 + 6  # of the header, of edges along three axes, and of faces
 
 
-def test_a_turned_plate_still_has_ten_faces_and_is_valid(tmp_path, here):  # noqa: F811
+def test_a_turned_plate_still_has_ten_faces_and_is_valid(tmp_path, inspected):
     """Planes are found before the corners are rounded, which would tell small triangles from their neighbours."""
     solid = turned(plate_with_hole(), 2)
     write(solid, tmp_path / "a.step", step="faceted")
-    assert (here["solids"], here["faces"], here["valid"]) == (1, 10, True)
-    assert here["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-6)
+    assert (inspected["solids"], inspected["faces"], inspected["valid"]) == (1, 10, True)
+    assert inspected["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-6)
 
 
-def test_corners_nearer_than_the_decimals_become_one(tmp_path, here):  # noqa: F811
-    solid = torus()
+def test_corners_nearer_than_the_decimals_become_one(tmp_path, inspected):
+    solid = solid_torus()
     V = solid.V.copy()
     a, b, *_ = solid.F[0]
     V[b] = V[a] + 3e-9  # metres: less than 1e-5 mm, more than 1e-6 mm
     write(replace(solid, V=V), tmp_path / "a.step", step="faceted")
-    assert here["valid"]
-    assert here["faces"] < len(solid.F)
+    assert inspected["valid"]
+    assert inspected["faces"] < len(solid.F)
 
 
-def test_a_face_takes_less_than_900_bytes_and_the_same_solid_gives_the_same_ones():
-    part = replace(strategies.prepare(part_of(turned(torus()), "a", 10**6)), step="faceted")
+def test_a_face_takes_less_than_900_bytes_and_files_are_reproducible():
+    part = replace(strategies.prepare(part_of(turned(solid_torus()), "a", 10**6)), step="faceted")
     text = b"".join(file.encode(part))
     assert len(text) < 900 * len(part.F)
     assert b"".join(file.encode(part)) == text
 
 
 @module("gmsh")
-def test_gmsh_meshes_a_turned_faceted_solid_with_its_volume(tmp_path, here):  # noqa: F811
+def test_gmsh_meshes_a_turned_faceted_solid_with_its_volume(tmp_path, inspected):
     import gmsh
 
     solid = turned(plate_with_hole(), 3)

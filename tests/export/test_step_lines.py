@@ -10,12 +10,7 @@ from dsfab.export.cad.step.worker.facts import step_facts
 from dsfab.export.curves import curves_along
 from dsfab.export.formats import suffix_of
 from dsfab.surface.fields import StructureLine, polyline_length
-from tests.export.test_lines import ARCHED, FLAT
-
-
-@pytest.fixture
-def here(monkeypatch):
-    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts(path))
+from tests.export.striped_solids import ARCHED, FLAT
 
 
 def helix(turns: float = 1.5, count: int = 200) -> np.ndarray:
@@ -23,7 +18,7 @@ def helix(turns: float = 1.5, count: int = 200) -> np.ndarray:
     return np.c_[np.cos(t), np.sin(t), 0.1 * t]
 
 
-def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
+def test_a_helix_becomes_one_spline_of_its_length(tmp_path, inspected):
     t = 3 * np.pi
     (curve,) = curves_along(1000 * helix(), 0.5)
     assert (curve.degree, curve.deviation) == (3, pytest.approx(0.25, abs=0.25))
@@ -36,7 +31,7 @@ def test_a_helix_becomes_one_spline_of_its_length(tmp_path, here):
 
 
 @pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
-def test_occt_finds_every_line_with_layers_and_colours(made, tmp_path, here):
+def test_occt_finds_every_line_with_layers_and_colours(made, tmp_path, inspected):
     sheet, details = made
     text = write(sheet, tmp_path / "a.lines.step", details=details).read_text()
     found = step_facts(tmp_path / "a.lines.step")

@@ -18,11 +18,11 @@ from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.cad.step.smooth.solid import file_text
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault
-from tests.export.test_folds import folded, openings, roof
-from tests.export.test_network import cylinder_strip, draft_of, grid
-from tests.export.test_planar import holed_sheet
-from tests.export.test_planar import thickened as thickened_plate
-from tests.export.test_step import here, plate_with_hole  # noqa: F401
+from tests.export.folded_sheets import folded_part, openings, ridged_roof
+from tests.export.holed_sheets import holed_sheet
+from tests.export.holed_sheets import thickened as thickened_plate
+from tests.export.member_networks import cylinder_grid, cylinder_strip, draft_of
+from tests.export.planar_solids import plate_with_hole
 from tests.smooth import THICKNESS, holed, thickened
 
 SURFACES = {"PLANE", "CYLINDRICAL_SURFACE", "B_SPLINE_SURFACE_WITH_KNOTS", "SURFACE_OF_LINEAR_EXTRUSION"}
@@ -95,12 +95,12 @@ def planar() -> str:
 
 
 def at_folds() -> str:
-    surface = roof()
-    return "".join(planar_file(folded(surface, openings(surface))[0]).texts)
+    surface = ridged_roof()
+    return "".join(planar_file(folded_part(surface, openings(surface))[0]).texts)
 
 
 def by_members() -> str:
-    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    part, _, _ = draft_of(surface := cylinder_strip(), cylinder_grid(surface))
     return member_draft(part, SmoothPlan(part)).text
 
 

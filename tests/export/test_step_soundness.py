@@ -58,7 +58,7 @@ def judged(monkeypatch, gap, **how):
     return curved_soundness(first, DEFLECTION, b""), first, asked
 
 
-def test_only_faces_that_cross_and_those_they_could_meet_are_drawn_finer(monkeypatch):
+def test_only_crossing_faces_and_their_neighbours_are_triangulated_finer(monkeypatch):
     """Chords of the tube reach into the pin; the collar is as near as two deflections, and the last ring is not."""
     first = soundness.soundness(*step_triangles(drawn(0.01)(b"", DEFLECTION * MM_PER_M))[:2])
     assert [fault.kind for fault in first.faults] == ["crossing"]
@@ -69,7 +69,7 @@ def test_only_faces_that_cross_and_those_they_could_meet_are_drawn_finer(monkeyp
     assert not len(sound.crossings)
 
 
-def test_faces_that_cross_however_finely_they_are_drawn_are_a_fault(monkeypatch):
+def test_faces_that_cross_at_any_fineness_are_a_fault(monkeypatch):
     """A pin wider than its tube; the count is of the finest triangles."""
     sound, first, asked = judged(monkeypatch, -0.01)
     assert asked == [[0, 1, 2]] * REDRAWING_ROUNDS
@@ -86,14 +86,14 @@ def test_faces_without_crossings_are_drawn_once(monkeypatch):
 
 
 @pytest.mark.parametrize("lost", [slice(1, None), slice(0, 0), slice(192, None)])
-def test_all_is_drawn_where_faces_alone_do_not_hang_together_as_before(monkeypatch, lost):
+def test_all_faces_are_triangulated_again_if_single_faces_do_not_connect(monkeypatch, lost):
     """A triangle, all, or those of a face are missing: that they do not cross then says nothing."""
     sound, _, asked = judged(monkeypatch, 0.01, spoil=lambda mesh: replace(mesh, F=mesh.F[lost], face=mesh.face[lost]))
     assert asked == [[0, 1, 2], None]
     assert sound.sound
 
 
-def test_faces_have_the_same_numbers_when_they_are_drawn_alone(tmp_path, here):
+def test_a_face_keeps_its_triangles_when_it_is_triangulated_alone(tmp_path, inspected_pieces):
     """A tube beside a ball: each face alone where it was, and two that share an edge with the same points on it."""
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeCylinder, BRepPrimAPI_MakeSphere
     from OCP.gp import gp_Pnt

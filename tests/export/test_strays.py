@@ -9,7 +9,7 @@ import pytest
 from dsfab.core.arrays import Floats
 from dsfab.export.cad.step.by_members.trimmed import trimmed_face
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
-from tests.export.test_network import asked, flat_model
+from tests.export.member_networks import asked, flat_model
 
 SQUARE = np.array([[0, 0], [200, 0], [200, 200], [0, 200.0]])
 
@@ -40,7 +40,7 @@ def test_a_face_without_points_follows_the_skins(height, moved):
     assert found.gap < limits.gap
 
 
-def test_skins_that_stand_upright_beside_a_face_are_no_part_of_it():
+def test_upright_skins_beside_a_face_do_not_count_as_the_face():
     model, loop = flat_model(SQUARE)
     limits, none = asked(0.01, 1.0), np.zeros((0, 6))
     face = trimmed_face(model, [loop], none, limits)
@@ -52,12 +52,12 @@ def test_skins_that_stand_upright_beside_a_face_are_no_part_of_it():
     np.testing.assert_allclose(found.outer, face.outer, atol=1e-9)
 
 
-def test_faces_that_are_asked_how_far_off_the_mesh_they_are_stay():
+def test_faces_with_a_measured_distance_from_the_mesh_stay():
     model, loop = flat_model(SQUARE)
     limits, none = replace(asked(0.01, 1.0), beyond_mesh=lambda points: np.ones(len(points))), np.zeros((0, 6))
     face = trimmed_face(model, [loop], none, limits)
     assert without_strays(model, {7: face}, {7: none}, to_bump(9), limits) == {7: face}
 
 
-def test_nothing_is_asked_where_no_face_is():
+def test_a_model_without_faces_needs_no_distance():
     assert without_strays(flat_model(SQUARE)[0], {}, {}, to_bump(9), asked(0.01, 1.0)) == {}

@@ -16,7 +16,7 @@ from dsfab.preset.file import load_preset
 from dsfab.surface import signed_volume, total_area
 from dsfab.workshop import drawing_files, workshop_plan
 from tests.designs import sliced
-from tests.export.test_ifc import amounts, faults
+from tests.export.ifc_files import amounts, faults
 
 BODIES = [suffix for suffix, form in FORMATS.items() if getattr(form, "content", "") == "shapes"]
 
@@ -172,7 +172,7 @@ def test_the_same_members_give_the_same_bytes_and_a_lost_one_is_refused(
 
 
 @pytest.mark.slow
-def test_drawings_of_a_member_are_those_of_its_parts(design):
+def test_the_drawings_of_a_member_are_the_drawings_of_its_parts(design):
     """A part that is cut several times has one drawing."""
     plan = workshop_plan(design)
     files = drawing_files(plan)

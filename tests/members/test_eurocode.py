@@ -29,20 +29,9 @@ from dsfab.members.eurocode.checks import Rectangle, moment_factor
 from dsfab.members.eurocode.grades import k_mod
 from dsfab.preset.file import load_preset
 from dsfab.preset.sections import Duration
+from tests.members.bars import bar
 
 N, VY, VZ, MT, MY, MZ = range(6)
-
-
-def bar(width, thickness, length, curvature=0.0, **forces) -> MemberBays:
-    """One bay with forces that are alike along it, or of five values; metres, newtons."""
-    rows = np.zeros((1, 5, 6))
-    for name, value in forces.items():
-        rows[0, :, ("N", "Vy", "Vz", "Mt", "My", "Mz").index(name)] = value
-    five = np.ones((1, 5))
-    s = np.linspace(0, length, 5)[None]
-    return MemberBays(
-        ("A1",), ("N1 N2",), s, width * five, thickness, np.array([length]), curvature * five, {"load": rows}
-    )
 
 
 def of_steel(bays: MemberBays, grade="S235", **factors) -> dict[str, float]:
@@ -91,7 +80,7 @@ def test_shear_is_that_of_the_elastic_distribution_and_takes_its_part_of_bending
     assert of_steel(bar(0.1, 0.01, 0.1, Vy=V / 2, N=0.5 * 235e3))["bending and axial force"] == pytest.approx(0.25)
 
 
-def test_torsion_takes_its_part_of_what_shear_may_be():
+def test_torsion_reduces_the_shear_resistance():
     """(6.28): half of V_pl beside a torque of .4 is .5 / .6 of what is left, so that (2 x .833 - 1)^2 is taken."""
     tau = 235e6 / sqrt(3)
     torque = 0.4 * tau * Rectangle(np.array(0.1), np.array(0.01)).Wt.item()
@@ -216,7 +205,7 @@ def test_tension_bending_shear_and_torsion_by_hand():
     assert (found["bending and compression"], found["stability as a column"]) == (0, 0)
 
 
-def test_what_is_stocky_does_not_buckle():
+def test_a_stocky_column_does_not_buckle():
     """(6.19) is with the square of compression; up to a relative slenderness of .3 the column is no more."""
     found = of_timber(bar(0.1, 0.1, 0.2, N=-60e3, My=500))
     expected = (60e3 / 1e4 / (21 * 0.8 / 1.3)) ** 2 + 5e5 / (1e6 / 6) / (24 * 0.8 / 1.3)
@@ -268,7 +257,7 @@ def test_lvl_shears_more_easily_over_its_thin_side():
     assert flat / upright == pytest.approx(4.2 / 2.3)
 
 
-def test_members_that_end_narrow_buckle_with_the_width_that_they_have_between_joints():
+def test_tapered_members_buckle_with_their_width_between_joints():
     given = bar(0.1, 0.01, 1.0, N=-10e3)
     ends = replace(given, width=np.array([[0.02, 0.1, 0.1, 0.1, 0.03]]))
     same, less = of_steel(given), of_steel(ends)
@@ -333,12 +322,12 @@ def test_other_materials_are_compared_with_their_strength_and_no_standard():
         utilisation(bays, rules(""))
 
 
-def test_a_thicker_plate_than_the_table_has_is_told():
+def test_a_plate_thicker_than_the_table_gives_a_note():
     found = utilisation(bar(0.5, 0.3, 2.0, N=1e3), rules())
     assert any("ends at 200 mm" in line for line in found.assumed)
 
 
-def test_presets_say_what_is_checked_by_what():
+def test_presets_name_the_rules_of_their_checks():
     vault = load_preset("snow_vault", {"statics.material": "GL24h", "eurocode.duration.snow": "short"})
     found = eurocode_rules(vault, ("dead", "snow", "left", "right", "all_over", "on_the_left", "on_the_right"))
     assert [found.durations[name] for name in ("dead", "snow", "all_over", "on_the_left")] == [

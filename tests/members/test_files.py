@@ -73,11 +73,11 @@ def test_tables_have_a_row_for_each_member_and_each_node(design, tmp_path):
     [("members.json", ".members.json"), ("a.MEMBERS.csv", ".members.csv"), ("nodes.csv", ".nodes.csv"),
      ("members.csv", ".members.csv"), ("a.json", ".json"), ("my.nodes.txt", ".txt"), ("stl", "")],
 )  # fmt: skip
-def test_these_files_are_known_by_their_whole_name(tmp_path, name, suffix):
+def test_files_of_members_are_known_by_their_whole_name(tmp_path, name, suffix):
     assert suffix_of(tmp_path / name) == suffix
 
 
-def test_what_is_no_design_has_no_members(design, tmp_path):
+def test_an_object_without_a_design_has_no_members(design, tmp_path):
     with pytest.raises(ExportError, match="only a design knows them"):
         write(design.surface, tmp_path / "members.json")
     assert not list(tmp_path.iterdir())

@@ -10,42 +10,13 @@ import dsfab
 from dsfab.core.errors import StaticsError
 from dsfab.core.toml_files import shipped_presets
 from dsfab.members import MemberGraph
-from dsfab.members.frame import BeamMaterial, Frame, FrameAgreement, agreement, frame_of, solve_frame
+from dsfab.members.frame import Frame, FrameAgreement, agreement, frame_of, solve_frame
 from tests.designs import coarse_design
+from tests.members.frames import CLAMPED, PINNED, STEEL, E, frame
 from tests.pynite import solved
 
-E, NU = 200e9, 0.3
-STEEL = BeamMaterial(E, NU, 7850.0)
-FREE, PINNED, CLAMPED = [0] * 6, [1, 1, 1, 0, 0, 0], [1] * 6
 
-
-def frame(points, fixed, loads, *, width=0.1, thickness=0.05, normal=(0, 0, 1), ends=None) -> Frame:
-    """A chain of beams, or beams between `ends`, of one section."""
-    points = np.array(points, dtype=float)
-    ends = np.array([(k, k + 1) for k in range(len(points) - 1)] if ends is None else ends)
-    normal = np.broadcast_to(np.array(normal, dtype=float), (len(ends), 3))
-    given = {name: np.zeros((len(points), 6)) for name in loads}
-    for name, rows in loads.items():
-        for node, row in rows.items():
-            given[name][node] = row
-    b = len(ends)
-    return Frame(
-        points,
-        tuple(f"K{k}" for k in range(len(points))),
-        ends,
-        normal,
-        np.full(b, width),
-        np.full(b, thickness),
-        np.zeros(b, dtype=int),
-        ("A1",),
-        np.array([fixed.get(k, FREE) for k in range(len(points))], dtype=bool),
-        np.zeros((len(points), 6)),
-        given,
-        STEEL,
-    )
-
-
-def cantilever(thickness=0.05) -> Frame:
+def loaded_bar(thickness=0.05) -> Frame:
     """2 m along x, a force across, one in the surface, one along it, and a torque, at its tip."""
     loads = {"across": [0, 0, -1e3, 0, 0, 0], "in": [0, 1e3, 0, 0, 0, 0], "along": [1e3, 0, 0, 0, 0, 0]}
     tip = {name: {4: row} for name, row in (loads | {"torque": [0, 0, 0, 1e3, 0, 0]}).items()}
@@ -54,7 +25,7 @@ def cantilever(thickness=0.05) -> Frame:
 
 def test_cantilever():
     """PL^3/3EI + PL/kGA, PL/EA, TL/GJ, the forces of its sections, and reactions [Timoshenko 1921]."""
-    made = cantilever()
+    made = loaded_bar()
     found = solve_frame(made)
     G, A, L = STEEL.shear, 0.1 * 0.05, 2.0
     for name, at, inertia in (("across", 2, 0.1 * 0.05**3 / 12), ("in", 1, 0.05 * 0.1**3 / 12)):
@@ -175,7 +146,7 @@ def vault():
 
 
 @pytest.mark.slow
-def test_the_beams_of_a_vault_carry_what_its_sheet_carries(vault):
+def test_the_beams_of_a_vault_carry_the_load_of_its_sheet(vault):
     made = vault.frame
     answers = solve_frame(made)
     sheet = vault.cut_loads["load"].force
@@ -224,7 +195,7 @@ def test_a_disc_is_as_wide_as_its_area_says(vault):
     assert made.eccentricity == pytest.approx(0)
 
 
-def test_what_is_no_structure_of_beams_is_told():
+def test_the_summary_of_a_frame_explains_its_difference_from_the_sheet():
     found = FrameAgreement("wind", 1.3, 1.4, 0.3)
     assert not found.slender
     assert found.summary.startswith("beams against the sheet, wind: 1.30 of its compliance")
@@ -249,7 +220,7 @@ SHAPES = sorted(set(shipped_presets()) - {"figurine", "roof"} - ALIKE)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
-def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_otherwise(name):
+def test_slender_frames_agree_with_the_shell_within_a_tenth(name):
     design = coarse_design(name)
     if name in LOOSE:
         with pytest.raises(StaticsError, match="its supports do not prevent this"):
@@ -266,9 +237,9 @@ def test_beams_of_a_preset_are_within_a_tenth_where_they_are_slender_and_told_ot
         assert ("of the energy is in discs, links, bays wider" in found.summary) == (off > 0.1), found
 
 
-def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
+def test_energy_in_discs_is_reported_even_if_their_beams_carry_little():
     """The twisty tower is pressed on a disc that bends: two thirds of its energy, of which its beams have a tenth."""
-    made = cantilever()
+    made = loaded_bar()
     answers = solve_frame(made)
     sheet = {
         name: SimpleNamespace(compliance=one.compliance, largest_displacement=1.0) for name, one in answers.items()
@@ -280,7 +251,7 @@ def test_energy_in_a_disc_of_the_sheet_is_told_though_its_beams_bear_little():
     assert "63% of the energy is in discs" in found["in"].summary
 
 
-def test_a_bay_that_grazes_another_member_is_no_slender_one(vault):
+def test_a_bay_that_grazes_another_member_is_not_slender(vault):
     """There both are one wider piece: Boy's surface has its ribs side by side for metres."""
     graph = vault.members
     node = next(node for node in graph.nodes if node.kind == "crossing")

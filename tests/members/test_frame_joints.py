@@ -12,8 +12,8 @@ from dsfab.members import Member, MemberGraph
 from dsfab.members.frame import BeamMaterial, Frame, frame_of, solve_frame
 from dsfab.members.frame.joints import join_ends, joints_at_nodes
 from dsfab.surface import LoadCase, Surface
-from tests.members.test_member_forces import axis
-from tests.zoo import grid
+from tests.members.axes import axis
+from tests.shapes import grid, subsurface
 
 CONCRETE = BeamMaterial(33e9, 0.2, 2500.0)
 UP = [0, 0, 1]
@@ -43,12 +43,12 @@ def groups(given: MemberGraph) -> int:
 
 
 @pytest.mark.parametrize("knot", [0.0, 0.1])
-def test_arms_of_a_star_hang_together_though_no_node_joins_them(knot):
+def test_the_arms_of_a_star_are_connected_without_a_common_node(knot):
     """They end free beside each other, .07 m from the middle, or around a few faces that have no axis: the middle of
     the preset `slab`, at two sizes of triangles."""
     plate = grid(20, 20, 2.0, 2.0)
     x, y = (plate.centroids[:, :2] - 1).T
-    star = cut(plate, x, y)
+    star = subsurface(plate, np.minimum(abs(x), abs(y)) < 0.1)
     x, y = (star.centroids[:, :2] - 1).T
     within = np.maximum(abs(x), abs(y)) < knot
     arms = [replace(member("knot", ((0, 0), (1, 1)), np.flatnonzero(within)), axis=None)] if knot else []
@@ -61,12 +61,6 @@ def test_arms_of_a_star_hang_together_though_no_node_joins_them(knot):
         cells = (ahead > 0) & (abs(beside) < 0.1) & ((ahead >= abs(beside)) | (ahead > 0.1)) & ~within
         arms.append(member(name, (1 + 0.07 * np.array(way), 1 + np.array(way)), np.flatnonzero(cells)))
     assert groups(graph(star, *arms)) == 1
-
-
-def cut(plate: Surface, x, y) -> Surface:
-    kept = plate.F[np.minimum(abs(x), abs(y)) < 0.1]
-    used, F = np.unique(kept, return_inverse=True)
-    return Surface(plate.V[used], F.reshape(-1, 3))
 
 
 def test_ends_that_a_slit_parts_are_not_joined():

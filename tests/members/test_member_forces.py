@@ -11,29 +11,17 @@ import dsfab
 from dsfab.core.errors import ExportError, StaticsError
 from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
-from dsfab.members import Member, MemberAxis, MemberGraph
+from dsfab.members import Member, MemberGraph
 from dsfab.members.eurocode import MemberBays, Rules, utilisation
 from dsfab.members.frame import forces_along
 from dsfab.statics import Material
 from dsfab.surface import Surface
-from tests.members.test_section_forces import forces_of, short_tube, strip
-from tests.statics.test_modes import hold
-from tests.zoo import grid, jittered
+from tests.members.axes import axis
+from tests.members.loaded_shells import forces_of, loaded_strip, short_tube
+from tests.shapes import grid, jittered
+from tests.statics.supports import hold
 
 N, VY, VZ, MT, MY, MZ = range(6)
-
-
-def axis(points, normals, closed=False) -> MemberAxis:
-    """Through points (k, 3), straight between them."""
-    P, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
-    step = np.linalg.norm(np.diff(P, axis=0), axis=1)
-    s = np.concatenate([[0], np.cumsum(step)])
-    T = np.gradient(P, s, axis=0)
-    if closed:
-        T[0] = T[-1] = P[1] - P[-2]
-    T /= np.linalg.norm(T, axis=1)[:, None]
-    zero = np.zeros(len(s))
-    return MemberAxis(s, P, T, np.broadcast_to(normals, P.shape), zero, zero, zero, closed, s, 0.0)
 
 
 def borne(surface, found, line, at, cells=None) -> np.ndarray:
@@ -50,7 +38,7 @@ STRIP = axis(np.outer(np.linspace(0, 1, 21), [1, 0, 0]) + [0, 0.075, 0], [0, 0, 
 
 def test_a_cantilever_pressed_against_its_normals():
     """V = F down on what lies before the section, M = F (L - x), and the side of the normals is stretched."""
-    s, found = strip(16, 3, (0, 0, -100.0))
+    s, found = loaded_strip(16, 3, (0, 0, -100.0))
     at = np.array([0.2, 0.5, 0.8])
     total = 100 * 0.15
     rows = borne(s, found, STRIP, at)
@@ -63,7 +51,7 @@ def test_a_cantilever_pressed_against_its_normals():
 def test_a_cantilever_in_its_plane(across):
     """The same in the sheet: Vy = F, Mz = F (L - x); a force to the left stretches the right side. By means of its
     faces a rib of two of them would have three quarters of that."""
-    s, found = strip(32, across, (0, 1000.0, 0), width=0.15)
+    s, found = loaded_strip(32, across, (0, 1000.0, 0), width=0.15)
     at = np.array([0.3, 0.5, 0.7])
     rows = borne(s, found, STRIP, at)
     assert rows[:, VY] == pytest.approx(150, rel=0.01)
@@ -186,7 +174,7 @@ def test_members_of_a_design(vault):
         assert all(name in {node.id for node in vault.members.nodes_along[one.member]} for name in nodes)
 
 
-def test_their_thrusts_carry_what_lies_on_the_vault(vault):
+def test_the_thrusts_of_arches_carry_the_load_of_the_vault(vault):
     """Where joints with the bands at the springing lines begin, the arches bring down what lies above."""
     found = vault.member_forces
     down = 0.0
@@ -292,7 +280,7 @@ def test_the_table_of_utilisation_reads_back_worst_first(vault, tmp_path):
     assert sum(line.startswith("# not checked: ") for line in lines) == len(found.unchecked)
 
 
-def test_what_no_strength_is_known_of_is_refused_before_a_file_is_there(vault, tmp_path):
+def test_without_a_strength_the_utilisation_file_is_refused(vault, tmp_path):
     with pytest.raises(StaticsError, match="gives neither a material nor a strength"):
         vault.write(tmp_path / "vault.member_utilisation.csv")
     with pytest.raises(ExportError, match="has no members to check"):

@@ -19,11 +19,11 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import CornerField, Surface
-from tests.analytic import SURFACES, WIDTH, grid
+from tests.analytic import SURFACES, WIDTH, chart_grid
 from tests.designs import coarse_design, sliced
 from tests.meshes import mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
-from tests.zoo import grid as plain_grid
+from tests.shapes import grid
 
 CALM = 0.6
 """Metres from the ends of an axis, where a spline knows less."""
@@ -89,7 +89,7 @@ def test_bays_are_right_to_seven_tenths_of_a_millimetre_and_curvatures_to_three_
         assert bay_errors(given, graph).max() < 0.5 * bay_errors(*drawn(name, 0.2)).max()
 
 
-def test_a_hypar_has_a_node_wherever_two_lines_cross_and_members_are_named_along_it():
+def test_a_hypar_has_a_node_at_each_crossing_and_members_named_in_order():
     _, graph = drawn("hypar", 0.4)
     assert [member.id for member in graph.members] == [f"{x}{k:02d}" for x in "AB" for k in range(1, 11)]
     stripes = {tuple(graph.by_id[name].stripe for name in node.members) for node in graph.nodes}
@@ -104,7 +104,7 @@ def test_a_hypar_has_a_node_wherever_two_lines_cross_and_members_are_named_along
     assert not graph.notes
 
 
-def test_a_crossing_has_the_area_that_both_widths_enclose_and_widths_are_those_drawn():
+def test_crossings_and_members_have_the_drawn_widths():
     _, graph = drawn("cylinder", 0.2)
     inner = [node for node in graph.nodes if node.kind == "crossing"]
     assert np.median([node.area for node in inner]) == pytest.approx(WIDTH**2, rel=0.02)
@@ -128,10 +128,10 @@ def test_the_frame_of_an_axis_is_right_handed_and_closes():
 # --- plates, on which everything is exact
 
 
-def plate(z, d, edge=0.1, size=(2.0, 1.4), shake=0.2):
+def striped_plate(z, d, edge=0.1, size=(2.0, 1.4), shake=0.2):
     """A plate with the stripes of two fields z(x, y), half-widths d in periods."""
     u, v = (np.linspace(0, one, round(one / edge) + 1) for one in size)
-    surface, x, y = grid(lambda x, y: (x, y, 0 * x), u, v, shake)
+    surface, x, y = chart_grid(lambda x, y: (x, y, 0 * x), u, v, shake)
     values = [field(x, y) for field in z]
     bands = tuple(np.stack([one + d, one - d], axis=1) for one in values)
     levels = tuple(np.arange(np.floor(one.min()) - 1, np.ceil(one.max()) + 2) for one in values)
@@ -151,7 +151,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
         lambda x, y, a=a, s=s: (x * np.cos(a) + y * np.sin(a)) / 0.31 + s
         for a, s in zip(angles, (one, two), strict=True)
     ]
-    surface, pattern = plate(z, 0.15)
+    surface, pattern = striped_plate(z, 0.15)
     graph = graph_of(surface, pattern)
     assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
     A = np.array([[np.cos(a), np.sin(a)] for a in angles]) / 0.31
@@ -170,7 +170,7 @@ def test_stripes_of_a_plate_cross_exactly_where_both_fields_are_whole(turn, betw
 
 @pytest.mark.parametrize("seed", range(3))
 def test_members_do_not_depend_on_how_faces_see_a_phase(seed):
-    surface, pattern = plate([lambda x, y: 3 * x + 0.4 * y + 0.13, lambda x, y: 2.7 * y - 0.3 * x + 0.21], 0.15)
+    surface, pattern = striped_plate([lambda x, y: 3 * x + 0.4 * y + 0.13, lambda x, y: 2.7 * y - 0.3 * x + 0.21], 0.15)
     plain = graph_of(surface, pattern)
     random = np.random.default_rng(seed)
     fields = []
@@ -192,7 +192,7 @@ def test_members_do_not_depend_on_how_faces_see_a_phase(seed):
 
 
 def test_a_stripe_along_the_edge_has_its_axis_on_the_edge():
-    surface, pattern = plate([lambda x, y: y / 0.35, lambda x, y: x / 0.5 + 0.1], 0.1, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.35, lambda x, y: x / 0.5 + 0.1], 0.1, shake=0.0)
     graph = graph_of(surface, pattern)
     assert [one.axis.P[:, 1].mean().round(6) for one in graph.members[:5]] == [0.0, 0.35, 0.7, 1.05, 1.4]
     edge = graph.by_id["A01"]
@@ -203,17 +203,17 @@ def test_a_stripe_along_the_edge_has_its_axis_on_the_edge():
 
 
 def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle():
-    surface, pattern = plate([lambda x, y: y / 0.7 - 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 - 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
     lowest = graph_of(surface, pattern).members[0]  # z = 0 is at y = .035, and z = -.05 at the edge
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.035))
-    surface, pattern = plate([lambda x, y: y / 0.7 + 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 + 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
     lowest = graph_of(surface, pattern).members[0]  # from the edge to z = .12, at y = .049
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.0245), abs=1e-6)
 
 
-def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_nothing():
+def test_a_sliver_at_a_corner_of_its_stripe_is_no_member():
     """At a corner of the strip is a cell above its wall, as of a fillet, and beside that one a cell below it again."""
-    surface, pattern = plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
     sheet = cut(surface, pattern.fields, pattern.levels).subset()
     plain = sheet.subset((sheet.surface.centroids[:, 1] < 0.15) & (sheet.surface.centroids[:, 0] > 0.3))
     V, F = plain.surface.V, plain.surface.F
@@ -233,7 +233,9 @@ def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_no
 
 
 def test_a_line_that_turns_back_is_two_members_that_end_at_each_other():
-    surface, pattern = plate([lambda x, y: 2.5 * (y + np.abs(x - 1)) + 0.3, lambda x, y: 2 * x + 0.3], 0.15, shake=0.0)
+    surface, pattern = striped_plate(
+        [lambda x, y: 2.5 * (y + np.abs(x - 1)) + 0.3, lambda x, y: 2 * x + 0.3], 0.15, shake=0.0
+    )
     graph = graph_of(surface, pattern)
     bent = [one for one in graph.members if one.id[0] == "A" and one.id[-1] in "ab" and one.length > 0.5]
     assert bent
@@ -246,7 +248,7 @@ def test_a_line_that_turns_back_is_two_members_that_end_at_each_other():
 
 
 def test_members_that_only_touch_are_listed_as_grazing():
-    surface, pattern = plate([lambda x, y: (y - 0.4) / 3, lambda x, y: (y - 0.4 - 0.13 - 0.01 * x) / 3], 0.04)
+    surface, pattern = striped_plate([lambda x, y: (y - 0.4) / 3, lambda x, y: (y - 0.4 - 0.13 - 0.01 * x) / 3], 0.04)
     graph = graph_of(surface, pattern)
     assert [node.kind for node in graph.nodes] == ["grazing"]
     assert graph.nodes[0].members == ("A01", "B01")
@@ -258,7 +260,7 @@ RIM = 0.12
 
 def beside_a_rim(middle):
     """One strip, .12 m wide, about the zero of a function of x and y in metres; within .12 m of y = 0 all is kept."""
-    surface, pattern = plate([lambda x, y: middle(x, y) / 3], 0.02, edge=0.05, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: middle(x, y) / 3], 0.02, edge=0.05, shake=0.0)
     levels, widths = (np.array([-RIM]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
     return surface, PatternResult(("rim", "major"), (-surface.V[:, 1], *pattern.fields), levels, widths)
 
@@ -268,7 +270,7 @@ def met(graph, name):
     return [one for node in graph.nodes_along[name] for one in node.members if one != name]
 
 
-def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
+def test_a_member_that_runs_into_a_rim_ends_at_it():
     """Its middle runs along y = .08, so that .02 m of it are beside the rim; they are the rim's."""
     surface, pattern = beside_a_rim(lambda x, y: y - 0.08 - 0.6 * np.clip(1.2 - x, 0, None) ** 2)
     graph = graph_of(surface, pattern)
@@ -283,7 +285,7 @@ def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
     assert rim.width[np.abs(rim.axis.P[:, 0] - 1.6) < 0.2] == pytest.approx(0.14, abs=0.002)
 
 
-def test_a_strip_that_comes_down_to_a_rim_and_leaves_it_is_two_members():
+def test_a_member_that_touches_a_rim_is_two_members():
     surface, pattern = beside_a_rim(lambda x, y: y - 0.05 - 0.9 * np.clip(np.abs(x - 1) - 0.25, 0, None) ** 2)
     graph = graph_of(surface, pattern)
     assert_whole(graph, cut(surface, pattern.fields, pattern.levels).subset())
@@ -297,9 +299,9 @@ def test_a_ring_that_lies_on_a_rim_is_open_there():
     assert met(graph, "A01") == ["rim 1", "rim 1"]
 
 
-def test_what_is_kept_around_a_support_is_one_band_without_its_ends_that_run_out_of_the_sheet():
+def test_the_kept_region_of_a_support_is_one_band_without_ends_off_the_sheet():
     """All within .2 m of the line from (.5, 0) to (1.5, 0): its middle turns at both ends, and is .1 m long there."""
-    surface, pattern = plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
+    surface, pattern = striped_plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
     x, y, _ = surface.V.T
     away = np.hypot(np.clip(np.abs(x - 1) - 0.5, 0, None), y)
     levels, widths = (np.array([-0.2]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
@@ -411,7 +413,7 @@ def test_a_vault_has_arches_purlins_two_edges_and_two_springing_lines_that_are_j
     assert sorted(node.members for node in corners) == [(f"rim {i}", f"band {j}") for i in (1, 2) for j in (1, 2)]
 
 
-def test_names_and_numbers_are_the_same_when_it_is_made_again():
+def test_names_and_numbers_of_members_are_reproducible():
     first = design("barrel_vault")
     again = member_graph(first.surface, first.sheet, Design.from_preset(load_preset("barrel_vault")).pattern)
     for one, two in ((again.members, first.members.members), (again.nodes, first.members.nodes)):
@@ -421,7 +423,7 @@ def test_names_and_numbers_are_the_same_when_it_is_made_again():
 
 
 @pytest.mark.slow
-def test_a_dome_has_rings_and_meridians_of_which_every_other_one_ends_on_a_ring():
+def test_every_second_meridian_of_a_dome_ends_on_a_ring():
     made = design("dome")
     graph = made.members
     assert_whole(graph, made.sheet)
@@ -502,7 +504,7 @@ def test_members_of_other_surfaces_are_their_sheets(name):
 
 @settings(deadline=None)
 @given(st.integers(3, 40), st.floats(0, 6.28), st.randoms())
-def test_meridians_are_named_around_whatever_the_order_they_come_in(count, turn, random):
+def test_meridians_are_numbered_around_the_axis_in_any_input_order(count, turn, random):
     angle = np.sort(np.mod(turn + 2 * np.pi * np.arange(count) / count, 2 * np.pi))
     places = np.stack([np.cos(angle), np.sin(angle), np.full(count, 0.4)], axis=1)
     lengths = np.ones(count)
@@ -538,8 +540,8 @@ def test_a_surface_that_is_all_material_is_one_plate():
     assert graph.members[0].area == pytest.approx(1.0)
 
 
-def test_slivers_beside_one_stripe_belong_to_it_and_corners_between_two_to_none():
-    plate = plain_grid(4, 1, 4.0, 1.0)
+def test_slivers_join_their_stripe_and_corners_between_stripes_join_none():
+    plate = grid(4, 1, 4.0, 1.0)
     column = plate.centroids[:, 0].astype(int)  # a sliver, stripe 1, a corner, stripe 2
     sheet = cut(plate, [plate.V[:, 0]], [[-1.0]])
     cells = _without_slivers(sheet, np.array([0, 1, 0, 2])[column], column % 2 == 0)

@@ -13,32 +13,17 @@ import dsfab
 from dsfab.app.cli import main
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS
-from dsfab.statics import CONVENTION, Elements, Material, SectionForces, section_forces
+from dsfab.statics import CONVENTION, Elements, SectionForces
 from dsfab.statics.internal_forces import local_frames
 from dsfab.surface import Surface
-from tests.statics.test_modes import hold, order, rim
-from tests.statics.test_stress import BEST, H, solved
-from tests.zoo import ZOO, grid, jittered, sphere
-
-
-def forces_of(surface, fixed, elements=BEST, **how) -> SectionForces:
-    _, stress = solved(surface, fixed, elements, **how)
-    return section_forces(surface, how.get("thickness", H), stress)
-
-
-def strip(nx, ny, force, elements=BEST, poisson=0.0, width=0.15):
-    """A cantilever of length 1, clamped at x = 0, with a force per length (3,) at its tip, N/m."""
-    s = jittered(grid(nx, ny, 1.0, width))
-    root, tip = s.V[:, 0] < 1e-9, s.V[:, 0] > 1 - 1e-9
-    edge = (tip[s.edges.ends].all(axis=1) & s.edges.boundary)[:, None] * np.asarray(force, dtype=float)
-    clamped = root[s.edges.ends].all(axis=1)
-    how = {"edge": edge, "clamped": clamped, "material": Material(210e9, poisson)}
-    return s, forces_of(s, hold(s, (root, "xyz")), elements, **how)
+from tests.members.loaded_shells import carried, forces_of, loaded_strip, short_tube
+from tests.shapes import ZOO, grid, jittered, sphere, subsurface
+from tests.statics.supports import hold, order, rim
 
 
 def test_a_strip_hogs_and_its_shear_is_the_force_at_its_tip():
     """m_x = -F (L - x): pressed against the normals, the side of the normals is stretched. q_x = F, exactly."""
-    s, found = strip(16, 3, (0, 0, -100.0))
+    s, found = loaded_strip(16, 3, (0, 0, -100.0))
     assert_allclose(found.m[:, 0], -100 * (1 - s.centroids[:, 0]), atol=1e-6)
     assert_allclose(found.q, np.tile([100.0, 0.0], (s.m, 1)), atol=1e-4)
     assert_allclose(found.m[:, 1:], 0, atol=1e-5)
@@ -46,7 +31,7 @@ def test_a_strip_hogs_and_its_shear_is_the_force_at_its_tip():
 
 
 def test_needles_are_answered_by_constant_moments_which_balance_their_shear_too():
-    s, found = strip(40, 8, (0, 0, -100.0), Elements("quadratic", "midedge"))
+    s, found = loaded_strip(40, 8, (0, 0, -100.0), Elements("quadratic", "midedge"))
     inner = (s.centroids[:, 0] > 0.15) & (s.centroids[:, 0] < 0.85)
     assert_allclose(np.average(found.q[inner, 0], weights=s.areas[inner]), 100, rtol=0.03)
     assert_allclose(carried(s, found, 0, 0.4, 0.6)[2], -15.0, rtol=1e-4)
@@ -54,7 +39,7 @@ def test_needles_are_answered_by_constant_moments_which_balance_their_shear_too(
 
 def test_a_strip_in_its_plane_pulls_above_and_shears_as_a_parabola():
     """n_x = F (L - x) y / I and n_xy = F (b^2 / 4 - y^2) / 2 I, for a force F down at the tip, per thickness."""
-    s, found = strip(32, 8, (0, -1000.0, 0), width=0.2)
+    s, found = loaded_strip(32, 8, (0, -1000.0, 0), width=0.2)
     b, total = 0.2, 1000 * 0.2
     y, x = s.centroids[:, 1] - b / 2, s.centroids[:, 0]
     inner = (x > 0.2) & (x < 0.8)
@@ -83,18 +68,7 @@ def test_a_supported_plate_has_naviers_moments_and_edge_shear():
     assert shears[-1] < 0.025 < shears[0]
 
 
-def short_tube():
-    """A tube of radius 1 m, .2 m long, held against moving as a whole alone; its unit normals, outwards."""
-    around = grid(64, 3, 2 * np.pi, 0.2)
-    V = np.stack([np.cos(around.V[:, 0]), np.sin(around.V[:, 0]), around.V[:, 1]], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    s = Surface(V[first], of.reshape(-1)[around.F])
-    fixed = hold(s, (np.abs(s.V[:, 1]) < 1e-9, "y"), (np.abs(s.V[:, 0]) < 1e-9, "x"), (s.V[:, 2] < 1e-9, "z"))
-    out = s.centroids * (1, 1, 0)
-    return s, fixed, out / np.linalg.norm(out, axis=1, keepdims=True)
-
-
-def test_a_tube_under_pressure_has_p_r_around_it():
+def test_a_tube_under_pressure_has_the_hoop_force_p_r():
     s, fixed, out = short_tube()
     found = forces_of(s, fixed, face=1e4 * out)
     hoop = found.principal("n")
@@ -107,9 +81,7 @@ def test_a_hemisphere_under_its_weight_has_the_dome_formulas():
     """n_phi = -w R / (1 + cos phi), n_theta = w R (1 / (1 + cos phi) - cos phi), on a base that is free to spread:
     rings are stretched from 51.8 degrees on [Timoshenko and Woinowsky-Krieger, 105]."""
     ball = sphere(4)
-    half = ball.F[ball.centroids[:, 2] > 0]
-    used, F = np.unique(half, return_inverse=True)
-    s = Surface(ball.V[used], F.reshape(-1, 3))
+    s = subsurface(ball, ball.centroids[:, 2] > 0)
     x, y = (np.abs(s.V[:, axis]) < 1e-9 for axis in (0, 1))
     found = forces_of(s, hold(s, (rim(s), "z"), (x, "x"), (y, "y")), face=(0, 0, -1e3))
     cos = s.centroids[:, 2] / np.linalg.norm(s.centroids, axis=1)
@@ -123,38 +95,7 @@ def test_a_hemisphere_under_its_weight_has_the_dome_formulas():
         assert np.sqrt(np.average((value - exact) ** 2, weights=s.areas)) < 20
 
 
-def carried(s: Surface, found: SectionForces, axis: int, low: float, high: float) -> np.ndarray:
-    """(3,) newtons that pass sections across `axis` between two coordinates, from the low side on to the high one.
-
-    The mean over the sections: of their virtual displacement phi e, phi from 0 to 1 in the band, the work is
-    integral of (n grad phi - (q . grad phi) normal) . e, and m_nt dphi/dt along free edges.
-    """
-    phi = np.clip((s.V[s.F][:, :, axis] - low) / (high - low), 0, 1)
-    t = found.frame
-    corners = np.einsum("mkx,max->mka", s.V[s.F], t)
-    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    slope = np.linalg.solve(
-        np.stack([a, b], axis=1), np.stack([phi[:, 1] - phi[:, 0], phi[:, 2] - phi[:, 0]], 1)[..., None]
-    )
-    gx, gy = slope[..., 0].T
-    n = np.stack([found.n[:, 0] * gx + found.n[:, 2] * gy, found.n[:, 2] * gx + found.n[:, 1] * gy], axis=1)
-    inside = np.einsum("ma,max->mx", n, t)
-    across = (found.q[:, 0] * gx + found.q[:, 1] * gy)[:, None] * s.normals
-    return s.areas @ (inside - across) + at_edges(s, found, corners, phi) @ s.normals
-
-
-def at_edges(s: Surface, found: SectionForces, corners: np.ndarray, phi: np.ndarray) -> np.ndarray:
-    """(m,) of the line force m_nt on the free edges of each face."""
-    way = np.roll(corners, -1, axis=1) - corners
-    way /= np.linalg.norm(way, axis=2, keepdims=True)
-    m = (found.corner_moments + np.roll(found.corner_moments, -1, axis=1)) / 2
-    x, y = np.moveaxis(way, 2, 0)  # along the edge; out of the face is (y, -x)
-    twist = x * y * (m[..., 0] - m[..., 1]) + (y * y - x * x) * m[..., 2]
-    free = s.edges.boundary[s.edges.of]
-    return (free * twist * (np.roll(phi, -1, axis=1) - phi)).sum(axis=1)
-
-
-def test_needles_of_faces_do_not_spoil_the_shear_around_them():
+def test_needle_faces_do_not_spoil_the_shear_around_them():
     """Nodes of a strip moved onto their neighbours, all but a hundredth of the way."""
     s = grid(16, 4, 1.0, 0.2)
     V = s.V.copy()
@@ -167,9 +108,9 @@ def test_needles_of_faces_do_not_spoil_the_shear_around_them():
     assert np.abs(found.q).max() < 1.15 * np.abs(even.q).max()
 
 
-def test_what_passes_a_section_is_what_presses_beyond_it():
+def test_section_forces_equal_the_load_beyond_the_section():
     """A strip bent, sheared and pulled at once, and twisted by Poisson's ratio at its root."""
-    s, found = strip(24, 4, (70.0, -30.0, -100.0), width=0.2, poisson=0.3)
+    s, found = loaded_strip(24, 4, (70.0, -30.0, -100.0), width=0.2, poisson=0.3)
     for low, high in ((0.4, 0.6), (0.02, 0.1), (0.9, 0.95)):
         assert_allclose(carried(s, found, 0, low, high), np.array([70.0, -30.0, -100.0]) * 0.2, rtol=1e-4)
 
@@ -181,16 +122,16 @@ CUT = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing
 
 
 @pytest.fixture(scope="module")
-def dome():
+def dome_design():
     return dsfab.run(dsfab.load_preset("dome", CUT))
 
 
 @pytest.mark.slow
-def test_a_cut_domes_sections_carry_what_lies_above_them(dome):
+def test_sections_of_a_cut_dome_carry_the_load_above_them(dome_design):
     """Ribs three faces wide, between the free edges of openings: within .2 %."""
-    found, s = dome.section_forces, dome.sheet.surface
+    found, s = dome_design.section_forces, dome_design.sheet.surface
     assert list(found) == ["dead", "snow", "all"]
-    loads = dome._loads_on_sheet(found)
+    loads = dome_design._loads_on_sheet(found)
     top = s.V[:, 2].max()
     for name, forces in found.items():
         low, high = 0.35 * top, 0.65 * top
@@ -199,7 +140,7 @@ def test_a_cut_domes_sections_carry_what_lies_above_them(dome):
     for what in ("n", "m", "q"):
         dead, snow, total = (getattr(found[name], what) for name in found)
         assert_allclose(total, 1.35 * dead + 1.5 * snow, atol=1e-6 * np.abs(total).max())
-    assert dome.section_forces is found
+    assert dome_design.section_forces is found
 
 
 def test_the_frame_is_that_of_the_convention():
@@ -230,15 +171,15 @@ def test_principal_values_rebuild_the_tensor(tensor, lean):
 
 
 @pytest.mark.slow
-def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome, tmp_path):
-    path = dome.write(tmp_path / "dome.forces.csv")
+def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome_design, tmp_path):
+    path = dome_design.write(tmp_path / "dome.forces.csv")
     with open(path, encoding="utf-8", newline="") as file:
         lines = file.readlines()
     said = [line[2:].strip() for line in lines if line.startswith("#")]
     assert said[0].startswith("units: metres, newtons")
     assert said[1 : 1 + len(CONVENTION)] == list(CONVENTION)
     table = list(csv.DictReader(lines[len(said) :]))
-    s, found = dome.sheet.surface, dome.section_forces
+    s, found = dome_design.sheet.surface, dome_design.section_forces
     assert [row["case"] for row in table[:: s.m]] == ["dead", "snow", "all"]
     last = {key: np.array([float(row[key]) for row in table[-s.m :]]) for key in table[0] if key != "case"}
     assert (last["face"] == np.arange(1, s.m + 1)).all()
@@ -249,22 +190,22 @@ def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome, tmp_
     assert_allclose(last["m_1 [N m/m]"], found["all"].principal("m").values[:, 0], rtol=1e-6)
 
 
-def test_paraview_gets_them_on_the_cut_sheet(dome, tmp_path):
+def test_section_forces_are_written_for_paraview_on_the_cut_sheet(dome_design, tmp_path):
     import pyvista
 
-    shown = pyvista.read(dome.write(tmp_path / "dome.forces.vtu"))
-    assert shown.n_cells == dome.sheet.surface.m
-    assert_allclose(shown.cell_data["snow m_x [N m/m]"], dome.section_forces["snow"].m[:, 0])
-    assert_allclose(shown.cell_data["local y [1]"], dome.section_forces["snow"].frame[:, 1])
+    shown = pyvista.read(dome_design.write(tmp_path / "dome.forces.vtu"))
+    assert shown.n_cells == dome_design.sheet.surface.m
+    assert_allclose(shown.cell_data["snow m_x [N m/m]"], dome_design.section_forces["snow"].m[:, 0])
+    assert_allclose(shown.cell_data["local y [1]"], dome_design.section_forces["snow"].frame[:, 1])
     first = shown.cell_data["snow n_1 direction [1]"]
-    assert_allclose(np.einsum("mx,mx->m", first, dome.sheet.surface.normals), 0, atol=1e-9)
+    assert_allclose(np.einsum("mx,mx->m", first, dome_design.sheet.surface.normals), 0, atol=1e-9)
     assert CONVENTION[1] in [str(shown.field_data[name][0]) for name in shown.field_data]
 
 
 @pytest.mark.parametrize("suffix", [".forces.csv", ".forces.vtu"])
-def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome, tmp_path, monkeypatch):
+def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome_design, tmp_path, monkeypatch):
     with pytest.raises(ExportError, match="only a design knows them"):
-        dsfab.write(dome.sheet, tmp_path / f"a{suffix}")
+        dsfab.write(dome_design.sheet, tmp_path / f"a{suffix}")
     form = FORMATS[suffix]
 
     def spoilt(part):
@@ -273,12 +214,12 @@ def test_a_sheet_alone_has_none_and_a_spoilt_file_is_not_kept(suffix, dome, tmp_
 
     monkeypatch.setitem(FORMATS, suffix, replace(form, encode=spoilt))
     with pytest.raises((ExportError, ValueError)):
-        dome.write(tmp_path / f"a{suffix}")
+        dome_design.write(tmp_path / f"a{suffix}")
     assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow
-def test_they_are_exported_of_a_folder_that_was_built(tmp_path, capsys):
+def test_section_forces_are_exported_from_a_built_folder(tmp_path, capsys):
     folder = tmp_path / "out"
     assert (
         main(["build", "dome", "--set", "surface.edge=0.6", "--set", 'export.formats=["stl"]', "-o", str(folder)]) == 0

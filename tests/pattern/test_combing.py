@@ -12,7 +12,7 @@ from dsfab.pattern import Frames, Images, StressDirections, family_crossings
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.preset.model import Pattern
 from dsfab.surface import Surface
-from tests.zoo import grid, jittered, two_pieces
+from tests.shapes import grid, jittered, two_pieces
 
 PLATE = jittered(grid(24, 24, 1.0, 1.0), 0.2)
 X, Y = PLATE.V[:, 0], PLATE.V[:, 1]
@@ -38,7 +38,7 @@ def test_regions_in_each_other_change_names_in_turns():
     assert (family_crossings(Frames.for_surface(PLATE), upright_where(ring)) == ring).all()
 
 
-def test_a_curve_that_ends_and_a_smooth_turn_change_nothing():
+def test_an_open_curve_and_a_smooth_turn_exchange_no_families():
     """Across y = 1/2 the direction is another one only left of x = 1/2: from there it turns back, little by little."""
     open_curve = np.where(Y > 0.5, 1.0, -1.0) * np.pi / 4 * np.clip(1.5 - 2 * X, 0, 1)
     a = np.c_[np.cos(open_curve), np.sin(open_curve), 0 * X]
@@ -56,7 +56,7 @@ def test_pieces_are_named_by_themselves():
 
 
 @pytest.mark.parametrize("jitter", [0.0, 0.2])
-def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
+def test_crossing_principal_stresses_are_detected_before_smoothing(jitter):
     """Around a point the larger stress is that along the rays inside of a circle, and that around outside; over a
     length in which they differ little no direction is clear near the circle, and no region was told from another."""
     plate = jittered(grid(24, 24, 1.0, 1.0), jitter)
@@ -77,7 +77,7 @@ def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
     assert turned.max() < 0.3
 
 
-def ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 72, about: int = 20) -> Surface:
+def swelling_ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 72, about: int = 20) -> Surface:
     """A closed ring about y: an ellipse of half-axes across and up, whose distance from the axis swells in waves."""
     i, j = np.meshgrid(np.arange(around), np.arange(about), indexing="ij")
     a, b = 2 * np.pi * (i + j / 2) / around, 2 * np.pi * j / about  # staggered: rings do not close on themselves
@@ -98,7 +98,7 @@ RINGS = ((1.0, 0.25, 0.25, 0.0), (1.0, 0.2, 0.3, 0.05), (0.8, 0.3, 0.2, 0.0))
 @pytest.fixture(scope="module", params=[RINGS[0], *(pytest.param(one, marks=pytest.mark.slow) for one in RINGS[1:])])
 def pressed(request, tmp_path_factory):
     """Rings that stand on their lowest circle and are pressed on their highest."""
-    surface = ring(*request.param)
+    surface = swelling_ring(*request.param)
     path = tmp_path_factory.mktemp("ring") / "ring.obj"
     rows = [("v", *v) for v in surface.V.tolist()] + [("f", *f) for f in (surface.F + 1).tolist()]
     path.write_text("\n".join(" ".join(map(str, row)) for row in rows))

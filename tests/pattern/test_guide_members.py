@@ -8,7 +8,7 @@ from dsfab.pattern import Guide, Stripes
 from dsfab.pattern.guides import GuideError
 from dsfab.preset.file import load_preset
 from dsfab.surface.mesh import nearest_places
-from tests.pattern.test_steering import plate, towards
+from tests.pattern.pulled_plates import pulled, towards
 
 MIDDLE = np.array([1.5, 1.5, 0.0])
 SPACING = 0.375
@@ -22,7 +22,7 @@ def straight(angle: float, aside: float = 0.0, half: float = 1.0) -> list[list[f
 
 
 def guided(*curves, **more):
-    return plate(guide=[{"curve": curve, "member": True, **more} for curve in curves])
+    return pulled(guide=[{"curve": curve, "member": True, **more} for curve in curves])
 
 
 def crossings(given, distance, near, family: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -55,7 +55,7 @@ def test_a_stripe_runs_on_a_straight_curve(angle, aside, family):
     assert given.even.steered.told == f"a {family} member runs on the curve of pattern.guide.0"
 
 
-def test_its_member_is_as_wide_as_others_and_joined_by_them():
+def test_the_member_of_a_guide_has_the_usual_width_and_is_joined():
     given = guided(straight(25))
     sheet = given.sheet.subset()
     along = np.array(towards(25))
@@ -80,14 +80,14 @@ def test_a_curve_that_bends_is_followed_within_a_face():
     assert "a major member runs on the curve" in given.even.steered.told
 
 
-def test_what_lies_beyond_the_surface_does_not_count():
+def test_the_part_of_a_guide_beyond_the_surface_is_ignored():
     given = guided(straight(25, 0.0, 6.0))
     assert given.even.steered.told == "a major member runs on the curve of pattern.guide.0"
     lifted = guided([[x, y, 0.05] for x, y, _ in straight(25, 0.0, 1.0)])
     assert lifted.even.steered.told == "a major member runs on the curve of pattern.guide.0"
 
 
-def test_where_it_cannot_that_is_told():
+def test_a_guide_that_no_member_can_follow_gives_a_note():
     told = guided(straight(20), straight(-20)).even.steered.told
     assert "% of the curve of pattern.guide.0, because of another guide, an edge or a point" in told
 
@@ -97,7 +97,7 @@ def test_a_curve_across_the_stress_names_the_family_that_runs_there():
     assert told.endswith("the minor family follows this curve by itself: family = 'minor' bends less")
 
 
-def test_mistakes_with_members_are_told_in_a_sentence():
+def test_invalid_member_guides_are_refused_in_one_sentence():
     with pytest.raises(GuideError, match="member is for a curve; remove member"):
         Guide(at={"pick": "all"}, direction=(1.0, 0.0, 0.0), member=True)
     with pytest.raises(PresetError, match=r"guide\.0 is a major member, but families = 'minor' has none of them"):

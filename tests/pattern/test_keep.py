@@ -14,9 +14,9 @@ from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
-from tests.slicing.test_slicing import check_laws
-from tests.surface.test_geodesic import prism
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, smallest_angle, sphere, subsurface, zoo
+from tests.slicing.laws import check_laws
+from tests.surface.prisms import prism
 
 SNAP = 0.05
 
@@ -57,12 +57,6 @@ def tolerance(surface: Surface, rim: float) -> float:
     return max(0.05 * rim, EVEN * rim + FINEST / 2 * longest)
 
 
-def smallest_angle(surface: Surface) -> float:
-    sides = surface.V[surface.F] - surface.V[np.roll(surface.F, 1, axis=1)]
-    units = sides / np.linalg.norm(sides, axis=2, keepdims=True)
-    return float(np.arccos(-(units * np.roll(units, 1, axis=1)).sum(axis=2)).min())
-
-
 def area(sheet: Sheet) -> float:
     return float(sheet.surface.areas[sheet.material].sum())
 
@@ -88,7 +82,7 @@ def holed(seed: int, count: int = 25, sides: int = 6) -> Surface:
 
 @pytest.mark.parametrize("rim", [0.1, 0.2, 0.35])
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_a_rim_is_as_wide_as_asked_around_a_hole_and_into_corners(seed, rim):
+def test_a_rim_has_its_width_around_holes_and_in_corners(seed, rim):
     surface = holed(seed)
     sheet = kept(surface, nothing(surface), 0.0, rim)
     assert rim_widths(surface, sheet) == pytest.approx(rim, abs=tolerance(surface, rim))
@@ -134,7 +128,7 @@ def test_along_a_held_part_of_an_edge_the_width_is_even():
     assert area(sheet) == pytest.approx(3 * 0.4 - 0.4**2 + 2 * np.pi * 0.4**2 / 4, rel=0.01)
 
 
-def test_on_a_tube_it_is_measured_along_the_surface():
+def test_the_kept_distance_is_measured_along_the_surface():
     """A disc on the tube, unrolled; and both ends. Straight lines through the air would keep more."""
     surface = prism(8, 5, 4.0)
     point = np.arange(surface.n) == 2
@@ -151,9 +145,7 @@ def test_the_rim_of_a_dome_comes_to_that_of_the_half_sphere():
     errors = []
     for level in (1, 2, 3, 4):
         ball = sphere(level)
-        half = ball.F[ball.centroids[:, 2] > 0]
-        used, F = np.unique(half, return_inverse=True)
-        dome = Surface(ball.V[used], F.reshape(-1, 3))
+        dome = subsurface(ball, ball.centroids[:, 2] > 0)
         errors.append(abs(area(kept(dome, nothing(dome), 0.0, 0.5)) / (2 * np.pi * np.sin(0.5)) - 1))
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2, abs=0.5)
     assert errors[-1] < 2e-3
@@ -228,7 +220,7 @@ def test_a_sheet_that_is_near_through_the_air_is_not_kept():
     assert sheet.surface.centroids[sheet.material, 2].max() == 0
 
 
-def test_nothing_asked_and_closed_surfaces_keep_nothing():
+def test_closed_surfaces_and_a_zero_distance_keep_nothing():
     ball = sphere()
     assert kept_layers(ball, nothing(ball), 0.3, 0.3) == []
     plate = grid(2, 2, 1.0, 1.0)
@@ -324,7 +316,7 @@ def test_angles_do_not_shrink_however_often_edges_are_halved():
     assert divided.surface.area == pytest.approx(surface.area, rel=1e-12)
 
 
-def test_points_counted_in_kept_regions_are_near_what_is_cut():
+def test_the_area_of_kept_regions_is_near_the_cut_area():
     surface = holed(0)
     layers = kept_layers(surface, nothing(surface), 0.0, 0.2)
     counted = material_points(surface, layers, face_points(12)).mean(axis=1) @ surface.areas
@@ -349,7 +341,7 @@ def test_fields_that_do_not_fit_together_are_refused():
 
 
 @pytest.mark.parametrize("method", ["modes", "stripes"])
-def test_a_design_on_a_coarse_mesh_has_an_even_rim_and_the_share_that_is_asked(method):
+def test_a_design_on_a_coarse_mesh_has_an_even_rim_and_its_share(method):
     changes = {
         "surface.edge": 0.9,
         "pattern.rim": 0.35,

@@ -8,10 +8,10 @@ from hypothesis import strategies as st
 from dsfab.core.errors import PatternError
 from dsfab.pattern import Stripes, distance_to_boundary, distance_to_vertices, wave
 from dsfab.pattern.stripes import GLSL
-from tests.zoo import ZOO, grid, sphere
+from tests.shapes import ZOO, grid, sphere
 
 
-def test_wave_has_period_one_range_one_and_starts_at_its_top():
+def test_the_wave_has_period_one_and_range_one_and_starts_at_its_top():
     t = np.linspace(-3, 3, 6001)
     p = wave(t)
     assert wave(np.array([0.0, 0.25, 0.5, 0.75, 1.0])) == pytest.approx([1, 0, -1, 0, 1])
@@ -44,7 +44,7 @@ def test_an_odd_number_of_levels_lies_below_material_and_only_there(threshold, p
 
 @pytest.mark.parametrize("threshold", [-0.9, 0.0, 0.4, 0.99])
 @pytest.mark.parametrize(("frequency", "phase"), [(1.0, 0.0), (7.0, 0.3), (0.2, -4.6)])
-def test_there_are_levels_as_far_as_the_field_reaches_and_not_much_farther(frequency, phase, threshold):
+def test_levels_cover_the_range_of_the_field_with_a_small_margin(frequency, phase, threshold):
     """Two edges to a period, one whole stripe beyond each end at least, and two of them at most."""
     x = np.linspace(3.0, 8.0, 11)
     levels, period = Stripes(frequency, phase, threshold).levels(x), 1 / frequency
@@ -93,7 +93,7 @@ def test_impossible_stripes_are_refused(values, says):
         Stripes(*values)
 
 
-def test_distance_to_vertices_is_that_to_the_faces_and_edges_between_them():
+def test_the_distance_to_vertices_includes_their_faces_and_edges():
     plate = grid(10, 10, 1.0, 1.0)
     x, y = plate.V[:, 0], plate.V[:, 1]
     patch = (x < 0.31) & (y < 0.31)

@@ -27,14 +27,14 @@ from dsfab.pattern.frames import FEW
 from dsfab.pattern.phases import _propagate, krylov_power
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, torus, zoo
 
 
 def nowhere(surface: Surface) -> np.ndarray:
     return np.zeros(surface.n, bool)
 
 
-def annulus(cells: int, inner: float = 1.0, outer: float = 3.0, part: float = 0.5) -> Surface:
+def ring_part(cells: int, inner: float = 1.0, outer: float = 3.0, part: float = 0.5) -> Surface:
     """A part of a ring about the origin, in cells of about equal sides."""
     flat = grid(2 * cells, cells, part * 2 * np.pi, 1.0)
     angle, r = flat.V[:, 0], inner * (outer / inner) ** flat.V[:, 1]
@@ -138,7 +138,7 @@ def test_a_line_runs_through_the_peak_of_the_start():
     assert value[at] == pytest.approx(1.4 * (plate.V[at, 0] - 1.3), abs=0.08)
 
 
-def test_powers_of_a_matrix_are_those_of_its_products():
+def test_krylov_powers_equal_repeated_products():
     """Not symmetric, to any mass; exact with as many products as powers, and nearly so with fewer."""
     rng = np.random.default_rng(0)
     n, mass = 60, rng.uniform(0.5, 2, 60)
@@ -152,7 +152,7 @@ def test_powers_of_a_matrix_are_those_of_its_products():
     assert off[0] < off[1] < 1e-3 < off[2] < off[3]
 
 
-def test_powers_end_where_products_tell_nothing_new():
+def test_krylov_powers_stop_at_an_invariant_subspace():
     """Two eigenvectors in the start: two products say all."""
     D = np.array([3.0, 2.0, 1.0, 0.5])
     x = np.array([1.0, 1.0, 0.0, 0.0])
@@ -212,7 +212,7 @@ def half_turns(plate: Surface, *centres: tuple[float, float]) -> np.ndarray:
 @pytest.mark.parametrize("name", ["dome", "saddle", "closed", "tube"])
 def test_signs_that_can_agree_do(name):
     """A smooth field without a half turn, in any signs: no seam on a disc, around a hole, or on a closed surface."""
-    surface = ZOO.get(name, lambda: annulus(8, part=1.0))()
+    surface = ZOO.get(name, lambda: ring_part(8, part=1.0))()
     frames = Frames.for_surface(surface)
     smooth = np.cross(frames.normal, [0.3, 0.2, 0.9]) + 1e-9
     g = smooth / np.linalg.norm(smooth, axis=1, keepdims=True)
@@ -221,7 +221,7 @@ def test_signs_that_can_agree_do(name):
     assert (flow.sign > 0).mean() > 0.96  # but for some edges at zeros of that field, where it turns fast
 
 
-def test_a_seam_is_about_as_short_as_it_can_be():
+def test_a_seam_has_nearly_the_least_length():
     """Between two half turns, or from one to the nearest boundary: edges that a straight line over faces crosses."""
     plate = jittered(grid(30, 30, 3.0, 3.0), 0.15)
     frames, edge = Frames.for_surface(plate), 0.1
@@ -251,7 +251,7 @@ def test_signs_do_not_change_where_lines_run():
         assert np.array_equal(singular, found[2][1])
 
 
-def test_steps_are_added_along_a_search_as_one_by_one():
+def test_propagated_phases_equal_sums_along_the_tree():
     rng = np.random.default_rng(2)
     n = 200
     before = np.array([-9999, *(int(rng.integers(max(0, k - 3), k)) for k in range(1, n))])  # long paths
@@ -278,7 +278,7 @@ def test_steps_are_added_along_a_search_as_one_by_one():
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_of_two_phases_half_a_period_apart_it_is_the_one_with_lines_through_the_peaks(seed):
+def test_the_chosen_phase_puts_lines_through_the_peaks(seed):
     """Whatever signs and periods the phases come in, and none where peaks are as near to both."""
     rng = np.random.default_rng(seed)
     z = rng.uniform(-0.5, 0.5, 1000)
@@ -305,7 +305,7 @@ def test_rays_crowd_like_one_over_the_radius():
     """Radial stripes: g along the circles, curl(e^u g) = 0 for e^u = 1 / r; converges with the mesh."""
     errors = []
     for cells in (8, 16, 32):
-        ring = annulus(cells)
+        ring = ring_part(cells)
         u = log_density(Frames.for_surface(ring), around(ring) * signs(ring.n), np.ones(ring.m))
         v = -np.log(np.linalg.norm(ring.V, axis=1))
         off = (u - v) - weighted_quantile(u - v, ring.vertex_areas, 0.5)
@@ -317,7 +317,7 @@ def test_rays_crowd_like_one_over_the_radius():
 
 def test_circles_are_even():
     """Circular stripes: g along the radius is a gradient."""
-    ring = annulus(24)
+    ring = ring_part(24)
     g = np.cross(around(ring), [0, 0, 1.0])
     u = log_density(Frames.for_surface(ring), g * signs(ring.n), np.ones(ring.m))
     assert np.abs(u).max() < 0.01
@@ -329,7 +329,7 @@ def test_circles_are_even():
 
 def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     """With the density 1 / r the phase is an angle: no line begins or ends."""
-    ring = annulus(20)
+    ring = ring_part(20)
     r = np.linalg.norm(ring.V, axis=1)
     flow = Flow(Frames.for_surface(ring), around(ring) * signs(ring.n), 6 / (np.pi * r))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
@@ -341,8 +341,8 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     assert np.abs(phase.value - slope * angle - off).max() < 0.01
 
 
-def test_density_is_the_asked_one_on_average():
-    ring = annulus(12)
+def test_the_mean_density_of_stripes_is_the_requested_density():
+    ring = ring_part(12)
     u = log_density(Frames.for_surface(ring), around(ring), np.ones(ring.m))
     for allowed in (True, False):
         halved = halving(u, ring.vertex_areas, allowed)
@@ -351,7 +351,7 @@ def test_density_is_the_asked_one_on_average():
         assert ring.vertex_areas @ left / ring.area == pytest.approx(1 / 0.4, rel=1e-12)
 
 
-def test_halving_keeps_what_is_left_within_a_power_of_two():
+def test_halving_leaves_a_share_within_a_power_of_two():
     mass = np.full(1000, 1.0)
     u = np.linspace(-0.6, 2.1, 1000)  # 3.9 powers of two
     halved = halving(u, mass)
@@ -442,7 +442,7 @@ def test_unstressed_parts_are_filled_in_from_around():
     assert np.abs(found @ [0.6, 0.8, 0.0]) == pytest.approx(1, abs=1e-9)
 
 
-def test_without_stress_there_is_nothing_to_follow():
+def test_a_surface_without_stress_has_no_stripe_directions():
     plate = grid(3, 3, 1.0, 1.0)
     with pytest.raises(PatternError, match="the surface has no stress"):
         cross_field(
@@ -478,23 +478,13 @@ def turning_sum(surface: Surface, along: np.ndarray) -> float:
 @pytest.mark.parametrize(("name", "euler"), [("sphere", 2), ("torus", 0)])
 def test_indices_sum_to_the_euler_characteristic(name, euler, seed):
     """Poincare and Hopf, whatever the field, with the sign of the carried turns: a line field has half indices."""
-    surface = sphere(3) if name == "sphere" else torus()
+    surface = sphere(3) if name == "sphere" else torus(30, 14, 2.0, 0.8)
     rng = np.random.default_rng(seed)
     d = surface.centroids @ rng.normal(size=(3, 3)) + rng.normal(size=3)
     d -= np.einsum("mi,mi->m", d, surface.normals)[:, None] * surface.normals
     e = d / np.linalg.norm(d, axis=1, keepdims=True)
     along = cross_field(Frames.for_surface(surface), uniaxial(surface, e, np.linalg.norm(d, axis=1)), 0.2)
     assert abs(turning_sum(surface, along)) == euler
-
-
-def torus(around_: int = 30, tube: int = 14) -> Surface:
-    i, j = np.meshgrid(np.arange(around_), np.arange(tube), indexing="ij")
-    a, b = 2 * np.pi * i / around_, 2 * np.pi * j / tube
-    r = 2 + 0.8 * np.cos(b)
-    V = np.stack([r * np.cos(a), r * np.sin(a), 0.8 * np.sin(b)], axis=-1).reshape(-1, 3)
-    at = lambda p, q: (p % around_) * tube + q % tube  # noqa: E731
-    A, B, C, D = (x.ravel() for x in (at(i, j), at(i + 1, j), at(i + 1, j + 1), at(i, j + 1)))
-    return Surface(V, np.concatenate([np.c_[A, B, C], np.c_[A, C, D]]))
 
 
 # --- corners

@@ -1,11 +1,9 @@
 """Measures of a pattern: closed forms on plates and a fan, then the presets, told wherever a design is."""
 
 import json
-from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
@@ -18,13 +16,14 @@ from dsfab.diffusion.symmetry import checked_symmetry
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.slicing import Chart, cut
-from dsfab.slicing.measures.chart import StripeChart
+from dsfab.slicing import cut
 from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface
+from tests.pattern.plain_stripes import drawn
 from tests.presets import DOME_MODES
+from tests.shapes import square
 
 EVEN = {
     "pattern.method": "stripes",
@@ -35,28 +34,6 @@ EVEN = {
 }
 
 
-def plate(cells=24, half=1.0):
-    """A square of side 2 half about the origin, its diagonals alternating: x and y are among its symmetries."""
-    t = np.linspace(-half, half, cells + 1)
-    x, y = (a.ravel() for a in np.meshgrid(t, t, indexing="ij"))
-    i, j = (a.ravel() for a in np.meshgrid(np.arange(cells), np.arange(cells), indexing="ij"))
-    a, b, c, d = (p * (cells + 1) + q for p, q in ((i, j), (i + 1, j), (i + 1, j + 1), (i, j + 1)))
-    one = ((i + j) % 2 == 0)[:, None]
-    first = np.where(one, np.stack([a, b, c], 1), np.stack([a, b, d], 1))
-    second = np.where(one, np.stack([a, c, d], 1), np.stack([b, c, d], 1))
-    return Surface(np.stack([x, y, 0 * x], axis=1), np.concatenate([first, second]))
-
-
-def drawn(surface, z, d, known=None, kept=None):
-    """Stripes on a surface that is its own chart."""
-    n, m = surface.n, surface.m
-    scale = np.ones((n, 2))
-    chart = Chart(surface, np.arange(m), csr_array(eye_array(n)), np.stack(z, axis=1), scale)
-    widths = np.broadcast_to(np.asarray(d, dtype=float), (n, 2))
-    made = StripeChart.from_chart(chart, widths, np.full(n, -1.0) if kept is None else kept)
-    return made if known is None else replace(made, known=known)
-
-
 def measured(made, angle=0.0):
     """Under tension along x, turned by an angle, and compression across it: major members should run along x."""
     m = made.surface.m
@@ -65,7 +42,7 @@ def measured(made, angle=0.0):
 
 
 def test_straight_stripes_have_their_spacing_openings_and_right_angles():
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     found = measured(drawn(surface, (y / 0.31 + 0.2, x / 0.43 + 0.1), (0.1, 0.2)))
     assert found.major.spacing == pytest.approx((0.31,) * 3)
@@ -78,8 +55,8 @@ def test_straight_stripes_have_their_spacing_openings_and_right_angles():
     assert found.summary.startswith("no dead ends, no slits, members 0.0 degrees off the stress, crossing at 90")
 
 
-def test_what_is_kept_besides_the_stripes_does_not_count():
-    surface = plate()
+def test_kept_regions_do_not_count_in_the_quality_of_stripes():
+    surface = square()
     x, y, _ = surface.V.T
     z = y / 0.31, np.where(x < 0, x / 0.2, x / 0.4)
     whole, half = (measured(drawn(surface, z, 0.1, kept=kept)) for kept in (None, 0.01 - x))
@@ -88,7 +65,7 @@ def test_what_is_kept_besides_the_stripes_does_not_count():
 
 
 def test_members_off_the_stress_are_off_by_their_angle():
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     z = y / 0.3, (np.cos(0.3) * x + np.sin(0.3) * y) / 0.4
     found = measured(drawn(surface, z, 0.1), angle=0.2)
@@ -102,7 +79,7 @@ def test_members_off_the_stress_are_off_by_their_angle():
 
 def test_a_fan_has_the_spacings_of_its_radii():
     """Radial members 1/40 of a turn apart between radii 1 and 2, whose square is even over the area."""
-    flat = plate(80, 0.5)
+    flat = square(80, 0.5)
     radius, turn = 1.5 + flat.V[:, 0], (np.pi / 2) * flat.V[:, 1]
     surface = Surface(np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1), flat.F)
     made = drawn(surface, (radius / 0.2, turn * 40 / (2 * np.pi)), 0.1)
@@ -119,7 +96,7 @@ def test_a_fan_has_the_spacings_of_its_radii():
 
 @pytest.mark.parametrize("step", [0.0, 0.013])  # lines through vertices, and beside them
 def test_each_line_that_stops_between_members_is_a_loose_end(step):
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     centre = surface.centroids
     known = np.ones((surface.m, 2), dtype=bool)
@@ -136,7 +113,7 @@ def test_each_line_that_stops_between_members_is_a_loose_end(step):
 
 @pytest.mark.parametrize("cells", [23, 24, 40])
 def test_a_line_that_turns_back_is_a_turn_and_a_closed_one_two(cells):
-    surface = plate(cells)
+    surface = square(cells)
     x, y, _ = surface.V.T
     nothing = np.full(surface.n, 0.4)  # the other family has no line
     arches = measured(drawn(surface, (nothing, (y + 2 * x**2) / 0.37), 0.1))
@@ -149,7 +126,7 @@ def test_a_line_that_turns_back_is_a_turn_and_a_closed_one_two(cells):
 
 
 def test_a_sharp_turn_is_one_and_one_on_a_crossing_member_is_none():
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     z = (y + 4 * np.abs(x)) / 0.4  # off the stress by 14 degrees only
     assert len(measured(drawn(surface, (y * 0 + 0.4, z), 0.1)).minor.dead_ends.turns) == 5
@@ -158,7 +135,7 @@ def test_a_sharp_turn_is_one_and_one_on_a_crossing_member_is_none():
 
 def test_lines_go_on_where_the_chart_is_cut_open():
     """The plate cut along x = 0, its right part with both phases turned over and shifted."""
-    flat = plate()
+    flat = square()
     x, y, _ = flat.V.T
     right = flat.centroids[:, 0] > 0
     F = np.where(right[:, None], flat.F + flat.n, flat.F)
@@ -174,7 +151,7 @@ def test_lines_go_on_where_the_chart_is_cut_open():
 
 
 def test_openings_narrower_than_members_are_counted_bay_by_bay():
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     z = y / 0.5 + 0.5, x / 0.25 + 0.5  # 4 lines along x, 8 along y
     wide, narrow = (measured(drawn(surface, z, (0.1, d))) for d in (0.24, 0.26))
@@ -186,7 +163,7 @@ def test_openings_narrower_than_members_are_counted_bay_by_bay():
 
 
 def test_material_that_is_shifted_differs_from_its_mirror_image():
-    surface = plate(60)
+    surface = square(60)
     x = surface.V[:, 0]
     mirror = checked_symmetry(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
     straight = drawn(surface, (0 * x + 0.5, x / 0.4), (0.0, 0.15))
@@ -197,7 +174,7 @@ def test_material_that_is_shifted_differs_from_its_mirror_image():
 
 def test_material_of_a_cut_that_is_shifted_differs_from_its_mirror_image():
     """A strip of width w whose middle is off the mirror by a: 4 a of the side are on one side of it only."""
-    surface = plate(12)
+    surface = square(12)
     mirror = checked_symmetry(surface, np.stack([np.eye(3), np.diag([-1.0, 1.0, 1.0])]), [], "x")
     for a, w in ((0.0, 0.6), (0.03, 0.6), (0.03, 0.5)):
         cells = cut(surface, [surface.V[:, 0]], [np.array([a - w / 2, a + w / 2])], snap=0.0)
@@ -205,7 +182,7 @@ def test_material_of_a_cut_that_is_shifted_differs_from_its_mirror_image():
 
 
 def test_nothing_drawn_is_no_mistake():
-    surface = plate(6)
+    surface = square(6)
     none = np.full(surface.n, 0.5)
     for d in (0.0, 0.2):
         found = measured(drawn(surface, (none, none), d))
@@ -261,7 +238,7 @@ def test_even_stripes_have_their_width():
     assert METRICS["min_width"](draft(load_preset(DOME_MODES, wide))) == pytest.approx(0.2, rel=0.1)
 
 
-def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsys):
+def test_build_and_inspect_report_the_same_openings(tmp_path, capsys):
     folder = tmp_path / "out"
     few = ("surface.edge=0.8", "pattern.keep=0.5")
     assert build(DOME_MODES, source=Source(few), files=Files(folder, "stl"), pictures=PictureFlags(False)) == 0
@@ -275,7 +252,7 @@ def test_a_build_tells_its_openings_and_inspect_tells_them_again(tmp_path, capsy
     assert set(lines) <= set(capsys.readouterr().out.split("\n"))
 
 
-def test_reports_and_the_editor_have_them_too(modes):
+def test_reports_and_editor_show_the_quality_of_stripes(modes):
     compared = comparison(run(load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})), against=())
     assert compared.pattern is not None
     table = pattern_table(compared.pattern, CaptionNumbers())

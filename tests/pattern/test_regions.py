@@ -34,8 +34,8 @@ from dsfab.surface.loads.outline_cuts import LINE_TOLERANCE, with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of
 from dsfab.surface.topology import manifold_faults
 from tests.presets import DOME_MODES
-from tests.surface.test_outlines import DOOR, star
-from tests.zoo import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, smallest_angle, sphere
+from tests.surface.outline_drawings import DOOR, star
 
 PLATE = jittered(grid(16, 12, 8.0, 6.0))
 SQUARE = ((2.1, 2.2), (4.3, 2.2), (4.3, 4.4), (2.1, 4.4))
@@ -62,12 +62,6 @@ def wall(*regions: dict, **pattern: object) -> dsfab.Preset:
 
 def outlined(surface: Surface, at: object) -> Surface:
     return with_outline(surface, extent_of(at, surface), np.zeros(surface.n, dtype=bool)).surface
-
-
-def smallest_angle(surface: Surface) -> float:
-    sides = surface.V[surface.F] - surface.V[np.roll(surface.F, 1, axis=1)]
-    units = sides / np.linalg.norm(sides, axis=2, keepdims=True)
-    return float(np.degrees(np.arccos(-(units * np.roll(units, 1, axis=1)).sum(axis=2)).min()))
 
 
 def on_outline(surface: Surface, faces: np.ndarray) -> np.ndarray:
@@ -155,7 +149,7 @@ def test_vertices_that_stay_keep_their_numbers():
     assert moved.max() < 0.3 * PLATE.edge_lengths.max()
 
 
-def test_a_boundary_stays_where_it_is():
+def test_an_outline_does_not_move_the_boundary():
     across = PlanPolygon(((-1, 1.0), (3.0, 1.1), (3.0, 2.0), (-1, 2.1)))
     found = outlined(PLATE, across)
     rim = found.V[found.loops[0]]
@@ -163,7 +157,7 @@ def test_a_boundary_stays_where_it_is():
     assert found.area == pytest.approx(48, rel=1e-12)
 
 
-def test_creases_stay_where_they_are():
+def test_an_outline_does_not_move_creases():
     """A prism's edges are not rounded by vertices that move off them."""
     roof = Surface(
         [[0, 0, 0], [4, 0, 0], [4, 2, 2], [0, 2, 2], [4, 4, 0], [0, 4, 0]], [[0, 1, 2], [0, 2, 3], [3, 2, 4], [3, 4, 5]]
@@ -199,7 +193,7 @@ def test_voids_may_overlap_and_touch_in_a_point():
     assert not manifold_faults(left.F, left.edges, left.n)
 
 
-def test_what_is_picked_by_vertices_ends_halfway_to_the_others():
+def test_a_region_of_vertices_ends_halfway_to_their_neighbours():
     ball = sphere(5)
     left, taken, _, _ = with_regions(ball, [PatternRegion(Facing((0, 0, 1), 40.0), "void")])
     assert len(left.loops) == 1
@@ -273,7 +267,7 @@ FLOOR = {
 
 
 @pytest.mark.parametrize("void", [TOP, FLOOR], ids=["oculus", "door"])
-def test_supports_are_where_they_were_without_the_void(void):
+def test_a_void_adds_no_supports_at_its_edge(void):
     """Neither the edge of an oculus nor the jambs of a door are boundary that was supported."""
     load = [{"kind": "self_weight"}]
     preset = dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [void], "surface.load": load})
@@ -288,7 +282,7 @@ def test_supports_are_where_they_were_without_the_void(void):
         assert np.abs(V[door, 0]) == pytest.approx(0.8)
 
 
-def test_vertices_by_number_are_those_of_the_mesh_that_was_given():
+def test_vertex_numbers_refer_to_the_mesh_of_the_user():
     mesh = grid(16, 12, 8.0, 6.0)
     bottom = np.flatnonzero(mesh.V[:, 1] == 0)
     void = {"do": "void", "at": {"pick": "ball", "center": [0, 0, 0], "radius": 1.0}}
@@ -314,7 +308,7 @@ def test_a_load_that_a_void_takes_away_says_so():
         draft(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP]}))
 
 
-def test_what_is_told_of_supports_is_of_those_that_are_left():
+def test_reports_list_only_supports_outside_of_voids():
     from dsfab.report.design.statics import balance
 
     load = [{"kind": "self_weight"}]
@@ -324,7 +318,7 @@ def test_what_is_told_of_supports_is_of_those_that_are_left():
     assert -told["load_N"][2] == pytest.approx(told["reaction_N"][2], rel=1e-6)
 
 
-def test_tables_and_pieces_know_what_was_held_before_the_void():
+def test_support_tables_use_the_supports_of_the_surface_without_void():
     """The edge of an oculus is in no table and touches no piece as if it were held."""
     load = [{"kind": "self_weight"}]
     design = dsfab.run(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))
@@ -409,7 +403,7 @@ def test_a_band_goes_round_on_the_inside_of_its_outline():
     assert ring.surface.area == pytest.approx(np.pi * (1.5**2 - 1.1**2), rel=0.01)
 
 
-def test_a_band_on_faces_as_they_are_is_that_on_parts_of_them():
+def test_a_band_has_the_same_area_on_cut_and_on_uncut_faces():
     made = with_regions(PLATE, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)]).surface
     (band,) = region_bands(made, [PatternRegion(PlanPolygon(SQUARE), "rim", 0.5)], 0.0)
     layer = band.layer(-np.abs(depth_in([np.array(SQUARE)], made.V[:, :2])))
@@ -434,7 +428,7 @@ def test_regions_that_overlap_are_united():
     assert kept_only(PLATE, regions).surface.area == pytest.approx(2 * 2.2**2 - 1.1**2, rel=1e-6)
 
 
-def test_what_has_no_width_of_its_own_takes_the_rims():
+def test_a_rim_region_without_width_takes_the_width_of_the_rim():
     region = PatternRegion(PlanPolygon(SQUARE), "rim")
     made = with_regions(PLATE, [region]).surface
     assert region_bands(made, [region], 0.2)[0].width == 0.2
@@ -542,7 +536,7 @@ def test_a_folder_holds_its_regions(tmp_path):
     assert np.array_equal(again.solid.F, design.solid.F)
 
 
-def test_a_region_on_one_side_is_told():
+def test_an_asymmetric_region_gives_a_note():
     design = dsfab.run(wall(RING))
     assert any(
         "the stripes have a symmetry of 4 images, but pattern.region.0 at 2 of them only" in n.text
@@ -553,12 +547,12 @@ def test_a_region_on_one_side_is_told():
     assert one_sided_message(design.surface, design.preset.pattern.region, None) == ""
 
 
-def test_a_void_is_told_with_its_area():
+def test_a_void_gives_a_note_with_its_area():
     notes = [note.text for note in draft(wall(OCULUS)).notes]
     assert "pattern.region.0 (oculus) is void: 2.01 m2 of 48 m2" in notes
 
 
-def test_the_preview_shows_regions_and_ends_them_where_they_are_drawn(drafted):
+def test_the_preview_ends_regions_at_their_drawn_outline(drafted):
     near, _ = distances(drafted)
     inside = drafted.preset.pattern.region[2].faces(drafted.surface)
     deep = np.ones(drafted.surface.n, dtype=bool)

@@ -9,7 +9,7 @@ from dsfab.design import draft
 from dsfab.pattern import Stripes, frequency_for
 from dsfab.preset.file import preset_toml
 from dsfab.surface import Surface
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered, tube
 
 SMALL = {"surface.edge": 0.08, "pattern.major": {"spacing": 0.07, "phase": 0.3}, "pattern.minor": {"spacing": 0.11}}
 
@@ -30,24 +30,15 @@ def line_length(surface: Surface, z: np.ndarray) -> float:
     return total
 
 
-def tube(cells: int = 48) -> Surface:
-    """An open cylinder of radius 1 and height 2."""
-    flat = grid(cells, cells // 2, 2 * np.pi, 2.0)
-    keep = np.flatnonzero(flat.V[:, 0] < 2 * np.pi - 1e-9)
-    home = np.r_[keep, np.arange(flat.n - len(keep))]
-    V = np.c_[np.cos(flat.V[:, 0]), np.sin(flat.V[:, 0]), flat.V[:, 1]][keep]
-    return Surface(V, home[flat.F])
-
-
 @pytest.mark.parametrize("spacing", [0.05, 0.13])
-def test_stripes_on_a_linear_mode_are_as_far_apart_as_asked(spacing):
+def test_stripes_on_a_linear_mode_have_the_requested_spacing(spacing):
     plate = jittered(grid(20, 12, 2.0, 1.0))
     assert frequency_for(plate, plate.V @ [3.0, 4.0, 0.0], spacing) == pytest.approx(1 / (5 * spacing), rel=1e-12)
 
 
 def test_the_mean_spacing_is_area_over_the_length_of_the_middles():
     """Modes that flatten: cos on the plate, and a tilted mode on the cylinder; over four phases."""
-    plate, pipe = jittered(grid(48, 24, 2.0, 1.0)), tube()
+    plate, pipe = jittered(grid(48, 24, 2.0, 1.0)), tube(48, 24)
     angle = np.arctan2(pipe.V[:, 1], pipe.V[:, 0])
     cases = [(plate, np.cos(np.pi * plate.V[:, 0] / 2)), (pipe, np.cos(np.pi * pipe.V[:, 2] / 2) + 0.5 * np.sin(angle))]
     for surface, x in cases:
@@ -58,7 +49,7 @@ def test_the_mean_spacing_is_area_over_the_length_of_the_middles():
             assert surface.area / np.array(lengths) == pytest.approx(np.full(4, spacing), rel=0.1)
 
 
-def test_a_design_has_the_asked_spacing_and_says_what_the_frequency_became():
+def test_a_design_has_the_requested_spacing_and_reports_the_frequency():
     made = draft(dsfab.load_preset("cantilever", {**SMALL, "surface.edge": 0.04}))
     for k, (name, spacing) in enumerate((("major", 0.07), ("minor", 0.11))):
         x = getattr(made.diffusion, name).mode(1)

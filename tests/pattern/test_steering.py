@@ -11,7 +11,7 @@ import dsfab
 from dsfab import design
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.design import Design
-from dsfab.design.directions import _keeps_guides, _keeps_orientation
+from dsfab.design.directions import _keeps_guides, keeps_orientation
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.log import Log
 from dsfab.design.output.archive import read_archive, write_archive
@@ -23,43 +23,22 @@ from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.report.compliance.tables import pattern_table
 from dsfab.report.design.inspection import quality_facts, quality_lines
 from dsfab.report.html_pages import CaptionNumbers
-from dsfab.results import CaseResult, PatternResult, StaticsResult, StressedSurface
+from dsfab.results import PatternResult, StressedSurface
 from dsfab.slicing import material_area
 from dsfab.slicing.measures.pattern_quality import pattern_quality
-from dsfab.statics import Equilibrium
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.structures import isotropic
 from dsfab.study.sweeps.metrics import metric_value
 from dsfab.surface import All, Ball, LoadCase, Surface
-from tests.pattern.test_even_invariance import TURN, Case, difference
-from tests.pattern.test_even_invariance import case as zoo_case
-from tests.pattern.test_quality import drawn
-from tests.pattern.test_quality import plate as square
+from tests.pattern.loaded_cases import TURN, Case, difference
+from tests.pattern.loaded_cases import case as zoo_case
+from tests.pattern.plain_stripes import drawn
+from tests.pattern.pulled_plates import pulled, stressed, towards
 from tests.presets import DOME_MODES
-from tests.zoo import grid, jittered, moebius
+from tests.shapes import grid, moebius, square
 
 CLEAR = 1 / (1 + 0.3 / np.sqrt(2))
 """Confidence under tension s along one axis: D = s, reference s / sqrt 2."""
-
-
-def plate(**more) -> Case:
-    """3 by 3 m, pulled along x by the same stress everywhere."""
-    surface = jittered(grid(30, 30, 3.0, 3.0), 0.2)
-    held = np.zeros((surface.n, 3), dtype=bool)
-    load = LoadCase(held, np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool))
-    asked = {"pattern.symmetry": "none", **{f"pattern.{key}": value for key, value in more.items()}}
-    given = Case(surface, load, (0.375, 0.375), asked)
-    sigma = np.zeros((surface.m, 3, 3))
-    sigma[:, 0, 0] = 2e6
-    given.__dict__["statics"] = stressed(given, sigma)
-    return given
-
-
-def stressed(given: Case, sigma: np.ndarray) -> StaticsResult:
-    """Under stresses (m, 3, 3) of which no place moves more than another."""
-    nothing = np.zeros((given.surface.n, 3))
-    answer = given.load, Equilibrium(nothing, nothing, 0.0, 0.0), sigma, None
-    return StaticsResult(*answer, {name: CaseResult(*answer) for name in given.preset.followed_weights})
 
 
 def degrees(given: Case, family: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -75,11 +54,6 @@ def off(found: np.ndarray, angle: float) -> float:
     return float(np.abs((found - angle + 90) % 180 - 90).max())
 
 
-def towards(angle: float) -> list[float]:
-    a = np.radians(angle)
-    return [float(np.cos(a)), float(np.sin(a)), 0.0]
-
-
 EVERYWHERE = {"at": {"pick": "all"}, "direction": towards(30), "weight": 1e6}
 
 
@@ -87,13 +61,13 @@ EVERYWHERE = {"at": {"pick": "all"}, "direction": towards(30), "weight": 1e6}
 
 
 def test_without_a_guide_stripes_run_along_the_tension():
-    assert off(degrees(plate())[0], 0) < 0.5
-    assert off(degrees(plate(), 1)[0], 90) < 0.5
+    assert off(degrees(pulled())[0], 0) < 0.5
+    assert off(degrees(pulled(), 1)[0], 90) < 0.5
 
 
 @pytest.mark.parametrize("family", ["major", "minor"])
 def test_a_heavy_guide_is_obeyed(family):
-    given = plate(guide=[{**EVERYWHERE, "family": family}])
+    given = pulled(guide=[{**EVERYWHERE, "family": family}])
     turned = 0 if family == "major" else 90
     assert off(degrees(given)[0], 30 + turned) < 0.5
     assert off(degrees(given, 1)[0], 120 + turned) < 0.5
@@ -103,35 +77,35 @@ def test_a_curve_guides_along_itself():
     """A straight one at 30 degrees that reaches far; and its points may be many, doubled, and the other way round."""
     middle, along = np.array([1.5, 1.5, 0.0]), np.array(towards(30))
     ends = [(middle + t * along).tolist() for t in (-3.0, 3.0)]
-    given = plate(guide=[{"curve": ends, "reach": 20.0, "weight": 1e6}])
+    given = pulled(guide=[{"curve": ends, "reach": 20.0, "weight": 1e6}])
     assert off(degrees(given)[0], 30) < 0.5
-    gently = plate(guide=[{"curve": ends, "reach": 20.0, "weight": 1.0}])
+    gently = pulled(guide=[{"curve": ends, "reach": 20.0, "weight": 1.0}])
     many = [(middle + t * along).tolist() for t in (3.0, 3.0, 1.0, 0.3, -0.2, -2.0, -3.0)]
-    other = plate(guide=[{"curve": many, "reach": 20.0, "weight": 1.0}])
+    other = pulled(guide=[{"curve": many, "reach": 20.0, "weight": 1.0}])
     assert np.abs(other.even.phases[0].value - gently.even.phases[0].value).max() < 1e-6
 
 
 def test_weight_is_counted_in_clear_stress():
     """z^2 = c + w e^{2 i 60}: with w = c stripes run halfway between, with w = 2 c at 45 degrees."""
     for share in (1.0, 2.0):
-        given = plate(guide=[{"at": {"pick": "all"}, "direction": towards(60), "weight": share * CLEAR}])
+        given = pulled(guide=[{"at": {"pick": "all"}, "direction": towards(60), "weight": share * CLEAR}])
         expected = np.degrees(np.angle(1 + share * np.exp(2j * np.radians(60)))) / 2
         assert off(degrees(given)[0], expected) < 0.5
 
 
-def test_a_tilted_direction_counts_as_far_as_it_is_tangent():
+def test_a_tilted_direction_counts_with_its_tangent_part():
     """At 60 degrees to the plate a direction of length 1 leaves 1/2 on it, the square of which is 1/4."""
     tilted = [*(0.5 * np.array(towards(60))[:2]).tolist(), np.sqrt(0.75)]
-    given = plate(guide=[{"at": {"pick": "all"}, "direction": tilted, "weight": 4 * CLEAR}])
+    given = pulled(guide=[{"at": {"pick": "all"}, "direction": tilted, "weight": 4 * CLEAR}])
     assert off(degrees(given)[0], 30) < 0.5
 
 
-def test_a_curve_reaches_as_far_as_it_says():
+def test_a_guide_acts_within_its_reach():
     """Beyond its reach the field comes back within the smoothing length, the spacing."""
     curve = [[x, 0.4 + 0.6 * x, 0.0] for x in (-0.5, 0.5, 1.0)]
-    found, faces = degrees(plate(guide=[{"curve": curve, "reach": 0.5, "weight": 100}]))
+    found, faces = degrees(pulled(guide=[{"curve": curve, "reach": 0.5, "weight": 100}]))
     start, along = np.array(curve[0]), np.array([1.0, 0.6, 0.0]) / np.hypot(1, 0.6)
-    to = plate().surface.centroids[faces] - start
+    to = pulled().surface.centroids[faces] - start
     away = np.linalg.norm(to - np.clip(to @ along, 0, 1.75)[:, None] * along, axis=1)
     assert off(found[away < 0.15], np.degrees(np.arctan(0.6))) < 6
     assert off(found[away > 1.5], 0) < 7
@@ -139,17 +113,17 @@ def test_a_curve_reaches_as_far_as_it_says():
 
 def test_left_out_a_reach_is_the_smaller_spacing():
     curve = {"curve": [[0.5, 0.5, 0.0], [2.0, 2.0, 0.0]], "weight": 50}
-    given = plate(guide=[curve], **{"major.spacing": 0.6, "minor.spacing": 0.3})
-    same = plate(guide=[{**curve, "reach": 0.3}], **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    given = pulled(guide=[curve], **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    same = pulled(guide=[{**curve, "reach": 0.3}], **{"major.spacing": 0.6, "minor.spacing": 0.3})
     assert np.array_equal(given.even.phases[0].value, same.even.phases[0].value)
-    alone = plate(guide=[curve], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.3})
-    wide = plate(guide=[{**curve, "reach": 0.6}], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.9})
+    alone = pulled(guide=[curve], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.3})
+    wide = pulled(guide=[{**curve, "reach": 0.6}], families="major", **{"major.spacing": 0.6, "minor.spacing": 0.9})
     assert np.array_equal(alone.even.phases[0].value, wide.even.phases[0].value)  # of those that are drawn
 
 
-def test_where_a_curve_bends_no_side_is_preferred():
+def test_a_bent_guide_prefers_no_side():
     """Points whose nearest is the corner of a right angle see both pieces, which cancel: what is left is the stress."""
-    frames = Frames.for_surface(plate().surface)
+    frames = Frames.for_surface(pulled().surface)
     bent = Guide(curve=((0.0, 1.0, 0.0), (1.0, 1.0, 0.0), (1.0, 0.0, 0.0)), reach=1.0)
     (found,) = Guidance.from_guides(frames, (bent,), 1.0)
     V = frames.surface.V
@@ -160,34 +134,34 @@ def test_where_a_curve_bends_no_side_is_preferred():
 
 @pytest.mark.parametrize("angle", [45, -30, 20, 135])
 def test_both_families_are_turned(angle):
-    given = plate(rotate=angle)
+    given = pulled(rotate=angle)
     assert off(degrees(given)[0], angle) < 0.5
     assert off(degrees(given, 1)[0], angle + 90) < 0.5
 
 
 def test_a_quarter_turn_lets_the_families_change_places():
     spacings = {"major.spacing": 0.5, "minor.spacing": 0.3}
-    plain = plate(**spacings)
-    turned = plate(rotate=90, **{"major.spacing": 0.3, "minor.spacing": 0.5})
+    plain = pulled(**spacings)
+    turned = pulled(rotate=90, **{"major.spacing": 0.3, "minor.spacing": 0.5})
     for k in (0, 1):
         z, other = (np.cos(2 * np.pi * one.even.phases[j].value) for one, j in ((plain, k), (turned, 1 - k)))
         assert np.abs(z - other).max() < 1e-6
 
 
 def test_the_sense_of_turning_is_that_of_the_normals():
-    given = plate(rotate=30)
-    flipped = replace(plate(), surface=Surface(given.surface.V, given.surface.F[:, ::-1]))
+    given = pulled(rotate=30)
+    flipped = replace(pulled(), surface=Surface(given.surface.V, given.surface.F[:, ::-1]))
     flipped.__dict__["statics"] = given.statics
     flipped.more["pattern.rotate"] = 30
     assert off(degrees(flipped)[0], -30) < 0.5
 
 
 def test_a_guide_is_not_turned():
-    assert off(degrees(plate(rotate=45, guide=[EVERYWHERE]))[0], 30) < 0.5
+    assert off(degrees(pulled(rotate=45, guide=[EVERYWHERE]))[0], 30) < 0.5
 
 
 def test_a_guide_without_weight_is_none():
-    plain, none = plate(), plate(guide=[{**EVERYWHERE, "weight": 0}])
+    plain, none = pulled(), pulled(guide=[{**EVERYWHERE, "weight": 0}])
     for k in (0, 1):
         for part in ("value", "sign", "shift", "singular"):
             assert getattr(plain.even.phases[k], part).tobytes() == getattr(none.even.phases[k], part).tobytes()
@@ -233,7 +207,7 @@ def moved(more: dict, turn: np.ndarray, shift: np.ndarray, scale: float) -> dict
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(STEERS))
-def test_what_steers_turns_and_grows_with_the_design(name):
+def test_guides_turn_and_scale_with_the_design(name):
     given = replace(zoo_case("dome"), more=STEERS[name])
     assert difference(given, zoo_case("dome")) > 0.1  # it does steer
     shift = np.array([3.0, -2.0, 1.0])
@@ -245,12 +219,12 @@ def test_what_steers_turns_and_grows_with_the_design(name):
         assert difference(given, other) < 1e-5, scale
 
 
-def test_what_turns_on_a_surface_turns_in_some_images_only():
+def test_a_rotation_keeps_its_sense_in_some_symmetries_only():
     """A plate's own plane is a mirror that leaves the sense alone; half a turn about a line in it is not."""
     surface = grid(8, 8, 2.0, 2.0)
     for words, same in ((["x"], False), (["z"], True), (["rot:2:x"], False), (["rot:2:z"], True)):
         symmetry = symmetry_of(surface, words)
-        assert _keeps_orientation(surface, symmetry).tolist() == [True, same], words
+        assert keeps_orientation(surface, symmetry).tolist() == [True, same], words
 
 
 def test_guides_are_compared_with_their_images():
@@ -307,7 +281,7 @@ def drafted(**more):
         ),
     ],
 )
-def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
+def test_guides_reduce_the_symmetry_and_the_note_names_the_rest(more, order, told):
     made = drafted(**more)
     symmetry = made.pattern.even.symmetry
     assert (symmetry.order if symmetry else 1) == order
@@ -352,7 +326,7 @@ def test_what_symmetry_is_left_is_told_and_kept(more, order, told):
         ({"families": "one"}, r"pattern\.families = 'one'"),
     ],
 )
-def test_mistakes_are_told_in_a_sentence(more, told):
+def test_invalid_guides_are_refused_in_one_sentence(more, told):
     with pytest.raises(DsfabError, match=told) as refused:
         drafted(**more)
     assert "\n" not in str(refused.value)
@@ -388,7 +362,7 @@ def pattern_of(given: Case) -> PatternResult:
 @pytest.mark.parametrize("families", ["both", "major", "minor"])
 def test_stripes_of_one_family_are_half_the_material(families):
     """Threshold 1/2: a quarter of each spacing is material, 1 - (3/4)^2 of the area where two families cross."""
-    given = plate(families=families)
+    given = pulled(families=families)
     assert share(given) == pytest.approx(7 / 16 if families == "both" else 1 / 4, rel=0.02)
     made = pattern_of(given)
     assert set(made.names) == ({"major", "minor"} if families == "both" else {families})
@@ -398,11 +372,11 @@ def test_stripes_of_one_family_are_half_the_material(families):
         assert made.half_width(families).max() == pytest.approx(1 / 8)
 
 
-def test_a_family_that_is_not_drawn_is_not_asked_for_anything():
+def test_keys_of_an_omitted_family_are_not_checked():
     wrong = {"minor.spacing": 1e-3}
     with pytest.raises(PatternError, match="too fine"):
-        _ = plate(**wrong).even
-    even = plate(families="major", **wrong).even
+        _ = pulled(**wrong).even
+    even = pulled(families="major", **wrong).even
     assert even.phases[1].singular.all()
     assert not even.chart.scale[:, 1].any()
 
@@ -476,7 +450,7 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
         assert np.array_equal(made.pattern.even.phases[k].value, fresh.pattern.even.phases[k].value)
 
 
-def test_rings_alone_fall_apart_and_that_is_told():
+def test_rings_without_crossings_are_refused_with_advice():
     alone = "the major family alone has no crossings; set pattern.rim, or draw both"
     rings = SMALL | {"pattern.families": "major"}
     made = dsfab.run(load_preset(DOME_MODES, rings))
@@ -503,7 +477,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
     assert (found.major.drawn, found.major.spacing, found.minor.drawn) == (False, (0.0, 0.0, 0.0), True)
 
 
-def test_only_what_is_drawn_is_chosen():
+def test_auto_chooses_only_for_the_drawn_families():
     asked = {"surface.edge": 0.9, "pattern.families": "minor"}
     asked |= {f"pattern.{name}.phase": "auto" for name in ("major", "minor")}
     found = design.draft(load_preset(DOME_MODES, asked)).pattern.choice.candidates
@@ -522,7 +496,7 @@ def test_deviation_is_from_where_stripes_were_to_run():
     assert drafted().quality().turned == 0
 
 
-def test_where_guides_lead_members_may_turn_back():
+def test_members_may_turn_back_along_guides():
     """Rings in a plate that is pulled one way come along the tension and go back."""
     surface = square()
     rings = drawn(surface, (4 * np.hypot(*surface.V[:, :2].T), np.full(surface.n, 0.5)), 0.2)
@@ -546,7 +520,7 @@ def test_widths_follow_the_stress_along_the_stripes():
 
 
 @pytest.mark.slow
-def test_auto_leaves_modes_out_where_they_cannot_follow():
+def test_auto_omits_modes_if_guides_or_families_exclude_them():
     for more in ({"rotate": 45}, {"families": "minor"}):
         made = drafted(method="auto", width={"rule": "plain"}, **more)
         note = next(note.text for note in made.notes if note.text.startswith("method auto chose"))

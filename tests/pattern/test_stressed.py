@@ -11,7 +11,7 @@ from dsfab.design.mode_search import StressedTrial
 from dsfab.design.stripe_pattern import _layers_with_share
 from dsfab.pattern import evened_grading
 from dsfab.study.comparison import comparison
-from tests.zoo import grid
+from tests.shapes import grid
 
 SMALL = {"surface.edge": 0.06, "pattern.keep": 0.06, "pattern.rim": 0.02, "pattern.major.frequency": 5.0}
 SMALL |= {"pattern.minor.frequency": 5.0, "pattern.width.min_width": 0.0, "pattern.width.min_gap": 0.0}
@@ -55,7 +55,7 @@ def test_families_are_measured_by_one_scale_and_a_step_at_most_doubles():
     assert evened_grading(plate, one, material * [1e8, 1.0], material, 0.2) == pytest.approx(one * [2.0, 0.5])
 
 
-def test_an_even_sheet_and_one_without_material_stay_as_they_are():
+def test_an_evenly_stressed_or_empty_sheet_keeps_its_grading():
     plate = grid(8, 8, 1.0, 1.0)
     grading = np.random.default_rng(2).uniform(0.1, 2, (plate.n, 2))
     material = np.tile(plate.areas[:, None] * 0.4, 2)
@@ -104,7 +104,7 @@ def test_bounds_in_metres_hold_and_the_same_preset_gives_the_same_sheet(stressed
 
 
 @pytest.mark.parametrize("good", [0, 2])
-def test_a_step_that_carries_nothing_ends_the_search_and_is_told(stressed, monkeypatch, good):
+def test_a_step_without_stiffness_ends_the_search_with_a_note(stressed, monkeypatch, good):
     """After two good steps the better one is taken; after none, the widths of the rule `graded`."""
     carrying, called = StressedTrial.carrying, []
 
@@ -134,7 +134,7 @@ def test_the_cantilever_comes_within_a_tenth_of_simp():
     assert 1 / stiffness(design) == pytest.approx(1.68, rel=0.01)
 
 
-def test_widths_that_are_far_from_those_that_close_openings_are_not_taken():
+def test_widths_far_from_closing_openings_are_rejected():
     """By hand: closed at 2 the share is met by a hundredth of the width, at a little less by about as much."""
 
     def reached(found, closed):

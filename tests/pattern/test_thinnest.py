@@ -67,7 +67,7 @@ def test_other_rules_and_modes_have_no_limit(free):
         assert all(np.array_equal(a, b) for a, b in zip(one.pattern.half_widths, two.pattern.half_widths, strict=True))
 
 
-def test_what_is_said_is_a_length_or_auto():
+def test_min_width_is_a_length_or_auto():
     assert Width().asked_least == 0
     assert Width(min_width=0.2).asked_least == 0.2
     assert Width(rule="graded").widths(1.0, 0.3).min_width == 0.3

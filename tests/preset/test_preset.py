@@ -21,7 +21,7 @@ from dsfab.preset.surface_section import FileSurface
 SHIPPED = sorted(shipped_presets())
 
 
-def test_a_name_finds_one_preset_in_whichever_folder_it_lies():
+def test_preset_names_are_unique_over_all_folders():
     files = [path.stem for folder in PRESETS for path in folder.glob("*.toml")]
     assert sorted(files) == SHIPPED
     assert {path.parent.name for path in shipped_presets().values()} == {"presets", "paper"}
@@ -194,13 +194,13 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ({"surface": {}}, r"surface needs shape = \.\.\.: use one of plate.*, or a file"),
     ],
 )
-def test_mistakes_are_told_with_key_value_range_and_nearest_name(changes, says):
+def test_invalid_values_are_refused_with_key_value_range_and_nearest_name(changes, says):
     with pytest.raises(PresetError, match=says) as caught:
         load_preset("dome", changes)
     assert "\n" not in str(caught.value)
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_invalid_keys_of_a_preset_are_reported_at_once():
     with pytest.raises(PresetError) as caught:
         load_preset("dome", {"pattern.major.frequency": -3, "statics.young": 0, "colour": "red"})
     for key in ("pattern.major.frequency", "statics.young", "unknown key colour"):
@@ -233,7 +233,7 @@ def test_a_preset_may_begin_with_a_byte_order_mark(tmp_path):
     assert load_preset(path).surface == load_preset("dome").surface
 
 
-def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
+def test_a_preset_that_needs_a_mesh_is_refused_until_the_mesh_file_exists(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
     for part in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
@@ -259,7 +259,7 @@ def test_surfaces_are_derived_with_the_preset_alone():
     assert done.stdout.split() == ["0", "3.0"]
 
 
-def test_an_unknown_preset_names_the_nearest_one():
+def test_an_unknown_preset_name_suggests_the_nearest_name():
     with pytest.raises(PresetError, match="did you mean dome"):
         load_preset("dom")
 
@@ -284,7 +284,7 @@ def test_presets_are_values():
 
 
 @pytest.mark.parametrize("name", MATERIALS)
-def test_a_material_gives_its_values_and_says_where_they_are_from(name):
+def test_a_material_fills_its_values_and_names_its_source(name):
     statics = load_preset("dome", {"statics.material": name.upper()}).statics
     one = MATERIALS[name]
     assert statics.material == name
@@ -310,7 +310,7 @@ def test_design_strengths_are_characteristic_ones_over_partial_factors():
         assert MATERIALS[name].strength == pytest.approx(megapascals * 1e6, rel=0.01)
 
 
-def test_own_values_win_over_those_of_a_material_and_a_new_material_over_all_old_ones():
+def test_own_values_override_a_material_and_a_new_material_resets_them():
     heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0, "statics.strength": 0})
     assert (heavy.statics.young, heavy.statics.density, heavy.statics.strength) == (210e9, 8000.0, 0.0)
     assert heavy.statics.material_words == "S355, but for density, strength"
@@ -320,7 +320,7 @@ def test_own_values_win_over_those_of_a_material_and_a_new_material_over_all_old
     assert load_preset("barrel_vault").statics.material_words == ""
 
 
-def test_a_written_preset_holds_the_name_and_what_is_not_of_the_material(tmp_path):
+def test_a_written_preset_holds_the_material_and_only_changed_values(tmp_path):
     heavy = load_preset("dome", {"statics.material": "S355", "statics.density": 8000.0})
     (tmp_path / "again.toml").write_text(preset_toml(heavy), encoding="utf-8")
     written = tomllib.loads(preset_toml(heavy))["statics"]

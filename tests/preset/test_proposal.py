@@ -35,7 +35,7 @@ from tests.canopy import canopy
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.zoo import grid
+from tests.shapes import grid
 
 WAYS = ("x", "y", "z", "-x", "-y", "-z")
 BACK = {"z": "z", "y": "-y", "-y": "y"}
@@ -76,11 +76,11 @@ def test_the_vertical_axis_of_roofs_is_found(shape, way):
 @pytest.mark.parametrize(
     "shape", [tower(width=3, height=4, edge=0.5), cylinder(1.5, 3.0, edge=0.5)], ids=["tower", "tube"]
 )
-def test_what_ends_in_level_rings_stands_on_one(shape):
+def test_a_shape_with_level_rings_stands_on_its_lowest_ring(shape):
     assert likely_up(shape) == "z"
 
 
-def test_what_is_over_the_ground_with_y_up_is_not_put_under_it():
+def test_a_roof_above_the_ground_with_y_up_is_not_turned_upside_down():
     """The roof of a stadium around its level inner edge, 9 to 14 m over y = 0, was to stand on that upside down."""
     share, angle = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 7), np.linspace(0, 2 * np.pi, 48, endpoint=False)))
     k = np.arange(7 * 48).reshape(48, 7)
@@ -157,7 +157,7 @@ def test_comments_say_the_unit_and_which_axis_is_up(tmp_path, said, unit, up):
         ((30, 20, 5), ""),
     ],
 )
-def test_sizes_in_other_units_are_told_where_a_guess_makes_it_small_or_large(tmp_path, sides, told):
+def test_a_guessed_unit_with_an_unlikely_size_lists_sizes_in_other_units(tmp_path, sides, told):
     """A room in inches or in centimetres was a box of 315 mm, without a word."""
     roof = dome(edge=0.8)
     file = obj(tmp_path / "room.obj", Surface(roof.V / np.ptp(roof.V, axis=0) * sides, roof.F))
@@ -241,7 +241,7 @@ def test_feet_of_own_meshes(own, name, expected):
 
 @pytest.mark.parametrize(("rise", "kind"), [(0.9, "mast"), (-0.9, "foot")], ids=["tent", "shell"])
 @pytest.mark.parametrize("corners", [3, 6])
-def test_a_tent_hangs_from_its_corners_and_a_shell_stands_on_them(rise, kind, corners):
+def test_a_tent_is_supported_at_its_high_corners_and_a_shell_at_its_low_corners(rise, kind, corners):
     """Edges come inwards between corners, which are the highest points of it, or the lowest; the middle is above."""
     a, r = np.meshgrid(np.linspace(0, 2 * np.pi, 24 * corners + 1)[:-1], np.linspace(0.1, 1, 9), indexing="ij")
     tip = np.abs(1 - np.mod(a * corners / np.pi, 2))  # 1 at corners
@@ -320,7 +320,7 @@ def test_sizes_follow_the_surface():
     assert small.spacing - 0.45 * small.spacing > 2 * small.thickness  # openings are wider than the sheet is thick
 
 
-def test_a_good_mesh_is_kept_and_a_coarse_one_made_anew_on_a_smooth_surface():
+def test_a_good_mesh_is_kept_and_a_coarse_mesh_is_remeshed_on_a_smooth_surface():
     good = dome(edge=0.2)
     assert sizes(good).edge == 0
     squeezed = Surface(good.V * [1, 1, 8], good.F)
@@ -331,7 +331,7 @@ def test_a_good_mesh_is_kept_and_a_coarse_one_made_anew_on_a_smooth_surface():
     assert not sizes(dome(edge=0.05)).coarse
 
 
-def test_figures_are_told_from_roofs():
+def test_figures_are_distinguished_from_roofs():
     assert is_figure(sphere(edge=0.5))
     assert is_figure(torus(edge=0.3))
     assert not is_figure(dome(edge=0.8))
@@ -349,14 +349,14 @@ def test_the_text_is_the_preset(own, tmp_path):
 
 
 @pytest.mark.slow
-def test_every_decision_says_what_changes_it(own):
+def test_each_decision_names_the_option_that_changes_it(own):
     for path in own.values():
         for decision in propose(path).decisions:
             assert decision.choice, decision
             assert decision.change, decision
 
 
-def test_whether_it_carries_snow_is_decided_once(monkeypatch):
+def test_the_decision_on_snow_is_taken_once(monkeypatch):
     asked, one = [], decisions.takes_snow
     monkeypatch.setattr(decisions, "takes_snow", lambda surface: asked.append(surface) or one(surface))
     proposal = propose(dome(edge=1.5))
@@ -526,7 +526,7 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
 
 
 @pytest.mark.slow
-def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, capsys):
+def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
     """A STEP that is too large is told; asked for, it is refused, faceted ones in design/test_refusals.py."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
@@ -554,7 +554,7 @@ def test_no_gap_and_no_member_is_narrower_than_the_sheet_is_thick(tmp_path, name
 
 
 @pytest.mark.slow
-def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
+def test_the_proposal_for_a_dome_has_the_symmetry_of_the_dome():
     """Its mesh, made anew, has no mirrored halves: with cuts that move by .05 of an edge it differs by .5, not .1 %."""
     square = grid(24, 24, 2.0, 2.0)
     u, v = square.V[:, 0] - 1, square.V[:, 1] - 1
@@ -569,7 +569,7 @@ def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
     [(3.0, 30.0, True, 0.05, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
     ids=["a bridge on its short ends", "a vault on its long sides"],
 )
-def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, ends, thick, told):
+def test_the_thickness_follows_the_span_and_not_the_shorter_side(width, length, ends, thick, told):
     """A bridge of 3 m x 30 m was 15 mm thick, 1/200 of the 'span' of 3 m, and buckled under 1.6 times its load."""
     flat = grid(40, 8, length, width)
     x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
@@ -588,7 +588,7 @@ def long_deck():
     return Surface(np.stack([x, y + 1.5 * (x / 30) ** 2, z], axis=1), flat.F)
 
 
-def test_a_long_deck_has_as_few_and_wide_members_as_its_thickness_asks_for():
+def test_the_members_of_a_long_deck_fit_its_thickness():
     """It was 100 mm thick, a fifth of the spacing for its width."""
     found = propose(long_deck())
     assert found.size.thickness == pytest.approx(0.16)
@@ -613,7 +613,7 @@ def test_a_wall_is_no_span_of_its_own_thickness():
     assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
 
 
-def test_pieces_that_stand_on_nothing_are_told_at_once(capsys, tmp_path):
+def test_the_proposal_lists_pieces_without_support(capsys, tmp_path):
     """A dormer beside its vault: `dsfab new` was silent, and `dsfab build` refused it."""
     vault = barrel_vault(edge=1.0)
     lid = grid(4, 4, 2.0, 2.0)
@@ -657,7 +657,7 @@ def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path
     assert near.preset.surface.origin == (0, 0, 0)
 
 
-def test_a_unit_that_the_file_says_is_doubted_with_what_it_would_be_in_others(tmp_path, capsys):
+def test_an_unlikely_unit_of_a_file_gives_a_warning_with_other_units(tmp_path, capsys):
     """A hall in millimetres whose comment says feet was 4.57 km long, and `dsfab inspect` said nothing of it."""
     path = obj(tmp_path / "hall.obj", dome(edge=0.8), 1000.0)
     path.write_text("# units: ft\n" + path.read_text())
@@ -683,7 +683,7 @@ def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
 
 
 @pytest.mark.slow
-def test_members_of_a_sail_are_as_far_apart_as_was_asked():
+def test_members_of_a_sail_have_the_proposed_spacing():
     """At one spacing halving left out all of a family's lines, at another none: every 1.1 m instead of .6 m."""
     s = np.linspace(-1, 1, 41)
     a, b = np.meshgrid(s, s, indexing="ij")
@@ -696,7 +696,7 @@ def test_members_of_a_sail_are_as_far_apart_as_was_asked():
         assert family.spacing[1] == pytest.approx(preset.pattern.major.spacing, rel=0.25)
 
 
-def test_a_roof_around_a_courtyard_is_as_thick_as_its_span_asks_for():
+def test_a_courtyard_roof_has_the_thickness_of_its_span():
     """A ring vault of 20 m, 6 m from its inner to its outer edge, was 200 mm thick, for "the span of 20 m"."""
     t, across = np.meshgrid(np.arange(48) / 48 * 2 * np.pi, np.linspace(0, 1, 9), indexing="ij")
     r, z = 4 + 6 * across, 1.5 * np.sin(np.pi * across)
@@ -719,7 +719,7 @@ def sloping_folds(slope):
     return Surface(np.column_stack([flat.V[:, :2], z]), flat.F)
 
 
-def test_what_would_tip_over_stands_on_its_higher_valleys_too():
+def test_a_sloping_folded_roof_stands_on_its_higher_valleys_too():
     """A folded roof with a fall stood on the lower ends of its valleys, and reached 4 m from them into the air."""
     for slope in (0.04, 0.075, 0.2):
         made = propose(sloping_folds(slope))
@@ -752,7 +752,7 @@ def test_feet_in_valleys_that_are_mirrored_are_mirrored():
     assert sorted(middles) == pytest.approx([1.5, 1.5, 3.0, 3.0, 4.5, 4.5], abs=1e-6)
 
 
-def test_members_across_are_told_of_what_fills_its_plan_only():
+def test_the_count_of_members_across_is_given_only_for_shapes_that_fill_their_plan():
     """A bridge deck of three arms, 3 m wide, was told to have "about 16 across", those of the 19 m of its plan."""
     flat = grid(40, 40, 20.0, 20.0)
     x, y = (flat.V[flat.F].mean(axis=1)[:, :2] - flat.V[:, :2].mean(axis=0)).T
@@ -784,7 +784,7 @@ def test_a_shade_sail_hangs_from_all_of_its_corners():
 
 
 @pytest.mark.slow
-def test_what_its_own_weight_stresses_beyond_its_strength_is_told(own):
+def test_a_roof_that_fails_under_its_own_weight_gives_a_warning(own):
     """A roof of 140 m x 200 m on two feet was proposed at 256 % of its strength without a word; all around it bears."""
     wide = Surface(25 * canopy(0.5).V, canopy(0.5).F)
     told = strength_warning(propose(wide))
@@ -796,7 +796,7 @@ def test_what_its_own_weight_stresses_beyond_its_strength_is_told(own):
     assert not strength_warning(propose(Surface(12 * dome(edge=0.8).V, dome(edge=0.8).F)))
 
 
-def test_what_would_turn_about_the_line_through_its_feet_is_told():
+def test_a_shape_that_tips_about_the_line_of_its_feet_gives_a_warning():
     said = "turn about the line"
     assert said in " ".join(propose(saddle_on_corners(0.0)).lines)
     assert said not in " ".join(propose(barrel_vault(edge=1.0)).lines)
@@ -812,7 +812,7 @@ def with_a_door(radius: float, inside_out: bool = False) -> Surface:
 
 
 @pytest.mark.slow
-def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
+def test_snow_lies_on_top_of_nearly_closed_buildings():
     """A ball to go into carried its own weight alone. It lies where the slope is under 60 degrees: pi r^2 sin^2 60."""
     for inside_out in (False, True):
         proposal = propose(with_a_door(4.0, inside_out))
@@ -828,7 +828,7 @@ def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
     assert [load.kind for load in propose(with_a_door(0.4)).preset.surface.load] == ["self_weight"]
 
 
-def test_lines_for_wind_are_there_for_what_is_no_roof(own):
+def test_a_wall_gets_a_suggestion_of_wind_loads(own):
     wall = Surface(grid(24, 12, 8.0, 4.0).V[:, [0, 2, 1]], grid(24, 12, 8.0, 4.0).F)
     proposal = propose(wall)
     assert "lines for wind" in " ".join(proposal.lines)

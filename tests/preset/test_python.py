@@ -20,7 +20,7 @@ from dsfab.design.output.archive import MESH, read_archive
 from dsfab.preset.file import preset_from, preset_toml, with_overrides
 from dsfab.preset.surface_section import FileSurface, MeshSurface
 from dsfab.surface import SHAPES, Surface
-from tests.zoo import ZOO
+from tests.shapes import ZOO
 
 HYPAR = SHAPES["hypar"](side=6.0, rise=2.0, edge=0.5)
 GIVEN: dict[str, Any] = {
@@ -123,7 +123,7 @@ BALL = {"pick": "ball", "center": [0, 0]}
         ),
     ],
 )
-def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: dict[str, Any]) -> None:
+def test_errors_of_python_arguments_use_the_keys_of_toml(wrong: dict[str, Any], table: dict[str, Any]) -> None:
     shape = {"shape": "hypar", "edge": 1.0}
     with pytest.raises(PresetError) as read:
         preset_from({"name": "design", "surface": shape | TABLES | table, "statics": {"thickness": 0.05}})
@@ -161,7 +161,7 @@ def test_mistakes_are_told_in_the_words_of_toml(wrong: dict[str, Any], table: di
         (lambda: dsfab.run(preset(two_roofs(), supports=[dsfab.Support(dsfab.Side("x", "min", 1.0))])), "no support"),
     ],
 )
-def test_what_cannot_be_is_refused_in_one_sentence(make: Callable[[], object], says: str) -> None:
+def test_invalid_arguments_are_refused_in_one_sentence(make: Callable[[], object], says: str) -> None:
     with pytest.raises(DsfabError, match=says) as caught:
         make()
     assert "\n" not in str(caught.value)
@@ -174,7 +174,7 @@ def two_roofs() -> trimesh.Trimesh:
 
 
 @pytest.mark.parametrize("thing", [HYPAR, HYPAR.to_trimesh(), HYPAR.to_pyvista(), (HYPAR.V, HYPAR.F), "roof.obj"])
-def test_a_mesh_alone_is_told_what_is_missing(thing: Any) -> None:
+def test_a_preset_of_a_mesh_alone_lists_the_missing_sections(thing: Any) -> None:
     with pytest.raises(
         PresetError, match="supports, loads and a thickness are missing; let dsfab propose them"
     ) as caught:
@@ -184,7 +184,7 @@ def test_a_mesh_alone_is_told_what_is_missing(thing: Any) -> None:
     assert design.solid.pieces >= 1
 
 
-def test_a_name_alone_is_told_to_be_loaded() -> None:
+def test_a_preset_name_instead_of_a_preset_gives_advice() -> None:
     with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):
         dsfab.revise(dsfab.Design(preset(HYPAR)), "dome")
     with pytest.raises(PresetError, match=r"dsfab\.run\(dsfab\.load_preset\('dome'\)\)"):

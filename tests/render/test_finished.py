@@ -25,12 +25,17 @@ def expected(vault, tmp_path_factory):
     return path.read_bytes()
 
 
+@pytest.fixture
+def two_cores(monkeypatch):
+    """With one core, no other process draws."""
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+
+
 @pytest.mark.slow
 def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_draws_once(
-    vault, expected, tmp_path, monkeypatch
+    vault, expected, tmp_path, monkeypatch, two_cores
 ):
     """It loads what draws while there is no design yet."""
-    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(design_picture, "write_picture", None)  # nobody draws here
     started, one, path = list[str](), design_picture.PreparedProgram, tmp_path / "preview.png"
     monkeypatch.setattr(design_picture, "PreparedProgram", lambda program: started.append(program) or one(program))
@@ -49,10 +54,11 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
 
 @pytest.mark.slow
 @pytest.mark.parametrize("program", ["raise MemoryError", "import os; os.abort()", "import time; time.sleep(60)"])
-def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch):
+def test_this_process_draws_the_picture_if_the_other_process_fails(
+    program, vault, expected, tmp_path, monkeypatch, two_cores
+):
     file = tmp_path / "program.py"
     file.write_text(program)
-    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(design_picture, "SECONDS", 0.5)
     monkeypatch.setattr(design_picture.picture_program, "__file__", str(file))
     with design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL) as finish:
@@ -60,7 +66,7 @@ def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
-def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monkeypatch):
+def test_with_one_core_the_picture_is_drawn_last_in_this_process(vault, expected, tmp_path, monkeypatch):
     monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 1)
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
     with design_picture.picture_in_background(vault, tmp_path / "preview.png", SMALL) as finish:
@@ -69,8 +75,7 @@ def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monke
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
-def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
-    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch, two_cores):
     started = list[design_picture.PreparedProgram]()
 
     class Seen(design_picture.PreparedProgram):
@@ -85,8 +90,7 @@ def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
     assert not Path(tmp_path / "preview.png").exists()
 
 
-def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tmp_path, monkeypatch):
-    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+def test_a_machine_that_cannot_draw_refuses_before_a_process_starts(vault, tmp_path, monkeypatch, two_cores):
     monkeypatch.setattr(design_picture, "PreparedProgram", None)
     monkeypatch.setattr(opengl, "_draws", lambda name: False)
     monkeypatch.setattr(opengl, "_KNOWN", set())

@@ -1,6 +1,5 @@
 """`assembly.pdf`: the order in which members go up, and pages on which everything is named, inside of the page."""
 
-import io
 import json
 import re
 from dataclasses import replace
@@ -20,7 +19,7 @@ from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_fac
 from dsfab.report.assembly.bar_pages import _bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
-from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, Paper, PaperBox, usual_scale
+from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, PaperBox, usual_scale
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
 from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded_plan, workshop_plan
@@ -28,6 +27,7 @@ from dsfab.workshop.bars import bar_body
 from dsfab.workshop.bodies import strip_body
 from tests.browser import browser, opened
 from tests.designs import sliced
+from tests.report.recorder import Recorder
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -42,24 +42,6 @@ def plan(vault):
     return workshop_plan(vault)
 
 
-class Recorder(Paper):
-    """Paper that remembers its words: text, lower left corner and size, millimetres."""
-
-    def __init__(self):
-        from reportlab.pdfgen.canvas import Canvas
-
-        super().__init__(Canvas(io.BytesIO(), pagesize=(1200, 850)), ("Helvetica", "Helvetica-Bold"))
-        self.words = []
-
-    def text(self, at, words, size=7.0, colour=(0, 0, 0), side="left", bold=False):
-        wide, high = self.width(words, size, bold), 0.35 * size * 0.72
-        x = float(at[0]) - {"left": 0, "middle": wide / 2, "right": wide}[side]
-        self.words.append((words, x, float(at[1]), wide, high))
-
-    def upright_text(self, at, words, size, colour=(0, 0, 0)):
-        self.words.append((words, at[0], at[1], 0.25 * size, self.width(words, size)))
-
-
 @pytest.fixture(scope="module")
 def pages(plan, vault):
     """The words of each page by its title."""
@@ -72,7 +54,7 @@ def pages(plan, vault):
 
 
 @pytest.mark.parametrize("up", [UP, np.array([-0.6, 0.0, 0.8]), np.array([0.0, -1.0, 0.0])])
-def test_every_member_goes_up_once_for_each_of_its_layers_lower_layers_first_and_from_the_ground(vault, up):
+def test_each_member_is_assembled_once_per_layer_from_below(vault, up):
     graph, layering = vault.members, Layering(0.04, 4, 0.012)
     steps = assembly_steps(graph, layering, up)
     wanted = sorted((n, m.id) for m in graph.members for n in layer_numbers(layering, m))
@@ -87,7 +69,7 @@ def test_every_member_goes_up_once_for_each_of_its_layers_lower_layers_first_and
     assert len(steps) <= 12 + 6
 
 
-def test_everything_is_named_where_it_is_looked_for(pages, plan, vault):
+def test_each_page_names_the_parts_that_it_shows(pages, plan, vault):
     built = {part.member for part in plan.parts}
     views = [title for title in pages if title.startswith("Members, ")]
     assert len(views) == 3
@@ -166,7 +148,7 @@ def test_the_file_is_a_pdf_with_all_pages_and_the_same_bytes_twice(plan, vault, 
     assert one == assembly_pdf(plan, vault)
 
 
-def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
+def test_a_plan_looks_down_and_an_axonometry_keeps_verticals():
     plan = Axonometry.from_angles(UP, -90.0, 90.0)
     assert plan.projected(np.eye(3)) == pytest.approx(np.array([[1, 0], [0, 1], [0, 0]]))
     tilted = Axonometry.from_angles(UP)
@@ -177,14 +159,14 @@ def test_a_plan_looks_down_and_an_axonometry_keeps_what_is_upright_upright():
     ).T == pytest.approx(np.eye(3))
 
 
-def test_what_is_near_is_drawn_last():
+def test_near_faces_are_painted_last():
     square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0.0]])
     low, high = (MemberFaces(name, (1, 0, 0), (square + [0, 0, z])[None]) for name, z in (("low", 0), ("high", 1)))
     drawn = painted_faces([high, low], Axonometry.from_angles(UP, -90, 90), {"high": (0, 0, 1)})
     assert drawn.colours.tolist() == [[1, 0, 0], [0, 0, 1]]
 
 
-def test_scales_are_usual_ones_and_drawings_are_in_their_boxes():
+def test_drawings_have_usual_scales_and_fit_their_boxes():
     assert usual_scale(60.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(50.0) == (pytest.approx(50.0), "1:20")
     assert usual_scale(3.0) == (pytest.approx(2.0), "1:500")
@@ -200,7 +182,7 @@ def page(plan, vault):
     return assembly_page(plan, vault)
 
 
-def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan, vault):
+def test_the_page_draws_each_part_at_its_place_on_the_nest(page, plan, vault):
     """Turned and shifted as the page says, the corners of a part are those of its place on the nest."""
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
     assert {one["id"] for one in facts["members"]} == {part.member for part in plan.parts}
@@ -223,7 +205,7 @@ def test_the_page_lays_every_part_on_its_sheet_where_the_nest_has_it(page, plan,
     assert page == assembly_page(plan, vault)
 
 
-def test_the_page_has_key_figures_and_what_members_are_coloured_by(page, plan, vault):
+def test_the_page_has_key_figures_and_the_colour_key_of_members(page, plan, vault):
     facts = json.loads(re.search(r'id="facts">(.*?)</script>', page, re.DOTALL)[1])
     shades = {one["name"]: one for one in facts["shades"]}
     assert (shades["length"]["unit"], shades["width"]["unit"]) == ("m", "mm")
@@ -392,7 +374,7 @@ def test_holes_are_on_the_lines_of_their_bolts_and_parts_that_are_too_long_are_f
     assert 2e-3 < wrong < 2e-2
 
 
-def test_strips_are_as_wide_as_their_parts_and_pieces_go_on_where_others_end(plan):
+def test_strips_have_the_width_of_their_parts_and_pieces_follow_each_other(plan):
     strips, parts = {strip.id: strip for strip in refolded_plan(plan).strips}, {part.id: part for part in plan.parts}
     for name, strip in strips.items():
         wide = np.linalg.norm(parts[name].outline - parts[name].outline[::-1], axis=1)[: len(strip.edges)]

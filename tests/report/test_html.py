@@ -36,7 +36,7 @@ def test_words_stand_out_from_the_paper(name, under):
     assert (light + 0.05) / (dark + 0.05) >= 4.5
 
 
-def test_a_page_is_one_file_with_the_style_of_all_and_its_own_after_it():
+def test_a_page_is_one_file_with_the_common_style_before_its_own():
     text = html_page("a < b", "<p>body</p>", "p { margin: 0; }")
     assert "<title>a &lt; b</title>" in text
     assert f"<style>{page_style()}p {{ margin: 0; }}</style>" in text
@@ -45,7 +45,7 @@ def test_a_page_is_one_file_with_the_style_of_all_and_its_own_after_it():
     assert all(f"--{name}: rgb{colour};" in text for name, colour in COLOURS.items())
 
 
-def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
+def test_captions_and_alternative_texts_are_escaped():
     assert image_tag("a.png", 'wide "vault" <b>', (3, 2)) == (
         '<img src="a.png" alt="wide &quot;vault&quot; &lt;b&gt;" width="3" height="2" loading="lazy">'
     )
@@ -53,7 +53,7 @@ def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
 
 
 @pytest.mark.skipif(browser() is None, reason="no Chromium is installed")
-def test_long_heads_of_a_table_do_not_make_it_wider_than_a_telephone(tmp_path):
+def test_a_table_with_long_heads_fits_a_telephone(tmp_path):
     """And its caption is broken where the screen ends, also of one that has to be scrolled."""
     heads = ["Stress", "on 99 % of the area", "away from corners by a rib's width", "what this mesh shows"]
     tables = [
@@ -92,7 +92,7 @@ def test_heads_are_broken_before_columns_are_cut_off_on_a_sheet_of_paper(tmp_pat
         assert tab.run("[...document.querySelectorAll('.table')].every((t) => t.scrollWidth <= t.clientWidth)")
 
 
-def test_reactions_that_are_dust_beside_the_loads_are_nothing():
+def test_reactions_far_below_the_loads_are_reported_as_zero():
     """Of a canopy whose supports carry 346 kN, all together were said to push by 0.0002756 kN."""
     case = SimpleNamespace(reactions=[[133e3, 2.2, 346e3], [-133e3, -2.0, 0]], imbalance=2e-6, residual=7e-9)
     supports = [SimpleNamespace(name="foot 1"), SimpleNamespace(name="")]

@@ -17,8 +17,8 @@ from dsfab.preset.file import load_preset
 from dsfab.report import members
 from dsfab.report.html_pages import CaptionNumbers, ReportFigure
 from dsfab.report.members import force_diagrams
-from tests.app.test_compliance import pdf_words
-from tests.members.test_eurocode import bar
+from tests.app.pdf_text import pdf_words
+from tests.members.bars import bar
 
 PICTURE = ReportFigure("", b"", (1, 1), missing="none")
 
@@ -41,7 +41,7 @@ def found(N=-10e3, material="S235", **more):
         (found(material="PLA"), "unknown", "No standard: stress over strength"),
     ],
 )
-def test_the_banner_passes_only_what_a_code_passes_with_its_factors(given, status, title):
+def test_the_banner_passes_only_if_the_code_passes_with_its_factors(given, status, title):
     banner = members.summary_section(given, PICTURE, CaptionNumbers()).blocks[0]
     assert (banner.status, banner.title) == (status, title)
     assert given.standard in banner.text
@@ -85,7 +85,7 @@ def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monke
     assert words == [["A1", "wind"], *[[]] * 5, ["A2", "snow"], *[[]] * 5]
 
 
-def test_what_is_not_checked_is_said_in_full():
+def test_the_report_lists_all_unchecked_rules():
     given = found()
     assert list(members.scope_section(given).blocks[3].items) == [
         line[0].upper() + line[1:] + "." for line in given.unchecked

@@ -14,11 +14,11 @@ from dsfab.reproduction.figures import FigurePictures, RenditionPicture
 from dsfab.reproduction.page import COLUMNS, rendition_facts, rendition_section
 from dsfab.reproduction.published import FIGURES
 from dsfab.reproduction.renditions import LETTER, Rendition, departures, measured_rendition, renditions
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 @pytest.fixture(scope="module")
-def plate():
+def panel():
     """2 x 2, its middle at (0, 0), loaded there and held along its boundary: vertices, marks, x and y."""
     surface = grid(60, 60, 2.0, 2.0)
     x, y = (surface.V - surface.V.mean(axis=0))[:, :2].T
@@ -27,10 +27,10 @@ def plate():
     return SimpleNamespace(surface=surface, x=x, y=y, load=np.hypot(x, y) < 0.05, held=held)
 
 
-def test_rings_and_spokes_are_counted_where_they_are_known(plate):
+def test_known_rings_and_spokes_are_counted_correctly(panel):
     """Circles r = (k - .2) / 6 and lines x = (j - .5) / 8: a circle meets each line within its radius twice."""
-    rings, lines = 6 * np.hypot(plate.x, plate.y) + 0.2, 8 * plate.x + 0.5
-    found = web(plate.surface, np.column_stack([rings, lines]), plate.load, plate.held)
+    rings, lines = 6 * np.hypot(panel.x, panel.y) + 0.2, 8 * panel.x + 0.5
+    found = web(panel.surface, np.column_stack([rings, lines]), panel.load, panel.held)
     radii = (np.arange(1, 7) - 0.2) / 6
     j = (np.arange(-20, 21) - 0.5) / 8
     assert found.family == "major"
@@ -38,47 +38,47 @@ def test_rings_and_spokes_are_counted_where_they_are_known(plate):
     assert found.is_web
     assert f"crossed by {min(found.crossed)} to {max(found.crossed)} spokes" in found.sentence
     assert Web("minor", (10, 10)).sentence.endswith("each crossed by 10 spokes")
-    other = web(plate.surface, np.column_stack([lines, rings]), plate.load, plate.held)
+    other = web(panel.surface, np.column_stack([lines, rings]), panel.load, panel.held)
     assert (other.family, other.crossed) == ("minor", found.crossed)
 
 
-def test_there_is_no_web_without_closed_lines_or_without_spokes(plate):
-    straight = np.column_stack([8 * plate.x + 0.5, 8 * plate.y + 0.5])
-    none = web(plate.surface, straight, plate.load, plate.held)
+def test_there_is_no_web_without_closed_lines_or_without_spokes(panel):
+    straight = np.column_stack([8 * panel.x + 0.5, 8 * panel.y + 0.5])
+    none = web(panel.surface, straight, panel.load, panel.held)
     assert none == Web()
     assert none.sentence.startswith("no web here, because no line")
     bare = web(
-        plate.surface,
-        np.column_stack([6 * np.hypot(plate.x, plate.y) + 0.2, 0.4 + 0 * plate.x]),
-        plate.load,
-        plate.held,
+        panel.surface,
+        np.column_stack([6 * np.hypot(panel.x, panel.y) + 0.2, 0.4 + 0 * panel.x]),
+        panel.load,
+        panel.held,
     )
     assert bare.crossed == (0,) * 6
     assert not bare.is_web
     assert "0 of 6 rings" in bare.sentence
 
 
-def test_a_ring_round_the_support_as_well_is_none(plate):
+def test_a_ring_round_the_support_as_well_is_none(panel):
     """Held close beside the load: a circle that has both inside parts nothing."""
-    held = np.hypot(plate.x - 0.4, plate.y) < 0.04
-    rings = 6 * np.hypot(plate.x, plate.y) + 0.2
-    found = web(plate.surface, np.column_stack([rings, 8 * plate.x + 0.5]), plate.load, held)
+    held = np.hypot(panel.x - 0.4, panel.y) < 0.04
+    rings = 6 * np.hypot(panel.x, panel.y) + 0.2
+    found = web(panel.surface, np.column_stack([rings, 8 * panel.x + 0.5]), panel.load, held)
     assert len(found.crossed) == 2  # radii 0.13 and 0.3; the next, 0.47, goes round both
 
 
-def test_links_are_the_lines_that_run_from_one_place_to_another(plate):
-    phases = np.column_stack([8 * plate.y + 0.5, 8 * plate.x + 0.5])
-    left, right = plate.x < -0.99, plate.x > 0.99
-    assert links(plate.surface, phases, left, right) == (16, 0)
-    assert links(plate.surface, phases, left, nearby(plate.surface, plate.load, 3)) == (2, 0)
-    broken = np.column_stack([8 * plate.y + 0.5 + 40 * (plate.x > 0), 8 * plate.x + 0.5])
-    assert links(plate.surface, broken, left, right) == (0, 0)
+def test_links_are_the_lines_that_run_from_one_place_to_another(panel):
+    phases = np.column_stack([8 * panel.y + 0.5, 8 * panel.x + 0.5])
+    left, right = panel.x < -0.99, panel.x > 0.99
+    assert links(panel.surface, phases, left, right) == (16, 0)
+    assert links(panel.surface, phases, left, nearby(panel.surface, panel.load, 3)) == (2, 0)
+    broken = np.column_stack([8 * panel.y + 0.5 + 40 * (panel.x > 0), 8 * panel.x + 0.5])
+    assert links(panel.surface, broken, left, right) == (0, 0)
 
 
-def test_patches_of_the_load_are_its_connected_parts(plate):
-    two = (np.hypot(plate.x - 0.5, plate.y) < 0.2) | (np.hypot(plate.x + 0.5, plate.y) < 0.1)
-    found = loaded_patches(plate.surface, two)
-    assert [bool(plate.x[one].mean() > 0) for one in found] == [True, False]
+def test_patches_of_the_load_are_its_connected_parts(panel):
+    two = (np.hypot(panel.x - 0.5, panel.y) < 0.2) | (np.hypot(panel.x + 0.5, panel.y) < 0.1)
+    found = loaded_patches(panel.surface, two)
+    assert [bool(panel.x[one].mean() > 0) for one in found] == [True, False]
     assert np.array_equal(np.logical_or.reduce(found), two)
 
 
@@ -106,7 +106,7 @@ def test_a_figure_is_made_to_the_letter_by_its_preset_and_with_stripes(bar):
     assert stripes.evenness < shipped.evenness
 
 
-def test_the_command_under_a_rendition_makes_it_again(bar):
+def test_the_command_of_a_rendition_reproduces_it(bar):
     for one in bar:
         words = shlex.split(one.command)
         changes = dict(parse_override(text) for text in words[1::2])
@@ -115,7 +115,7 @@ def test_the_command_under_a_rendition_makes_it_again(bar):
 
 
 @pytest.mark.parametrize("figure", FIGURES, ids=lambda one: one.preset)
-def test_departures_of_every_preset_are_told(figure):
+def test_the_departures_of_each_preset_from_the_paper_are_listed(figure):
     """The paper keeps nothing; five presets do. To the letter none departs."""
     preset = load_preset(figure.preset)
     told = departures(preset)
@@ -136,7 +136,7 @@ def test_loads_on_loose_pieces_are_not_carried():
     assert finding("web", letter).endswith("; it carries 0% of the load")
 
 
-def test_what_could_not_be_made_is_told_and_claims_nothing():
+def test_a_refused_rendition_has_an_empty_row_and_no_claim():
     none = Rendition("stripes", {}, refused="no stress")
     assert finding("web", none) == ""
     assert rendition_facts(none) == ("none", *[""] * (len(COLUMNS) - 1))

@@ -6,7 +6,7 @@ import pytest
 from dsfab.pattern import Stripes
 from dsfab.reproduction import upsampling
 from dsfab.reproduction.upsampling import StripedField, compare_cuts, lines_through
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 def striped(surface, *families):
@@ -51,7 +51,7 @@ def test_division_leaves_the_surface_whole():
     assert families[0].x == pytest.approx(plate.V[:, :2] @ ACROSS[0], abs=1e-12)
 
 
-def test_where_families_cross_lines_are_never_alone():
+def test_repeated_upsampling_resolves_crossing_families():
     plate = grid(4, 4, 1.0, 1.0)
     made = compare_cuts(plate, striped(plate, ((1.0, 0.1), (2.0,)), ((-0.1, 1.0), (2.0,))), rounds=4)
     assert len(made.upsampled) == 5

@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from dsfab.slicing.measures.pattern_quality import arms
 from dsfab.surface import Surface
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 
 def shape(where) -> Surface:
@@ -86,7 +86,7 @@ def test_faces_larger_than_the_ball_are_looked_into():
 
 
 @pytest.mark.parametrize("fold", [0, 60, 120, 170])
-def test_a_strip_around_a_sharp_edge_goes_on_straight_and_one_beside_it_turns_back(fold):
+def test_arms_continue_straight_across_a_fold_and_turn_back_beside_it(fold):
     """Folded about x = 1.5, whatever the angle: unfolded, the arms of a strip point away from each other."""
 
     def folded(flat: Surface) -> Surface:

@@ -11,9 +11,9 @@ from dsfab.slicing import cut, material_area, resolve_pinches
 from dsfab.slicing.cutting.cut import LEVEL_GAP
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
-from tests.slicing.test_slicing import check_laws, points_in_cells
-from tests.slicing.test_slicing import material_area as area_of
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
+from tests.slicing.laws import check_laws, points_in_cells
+from tests.slicing.laws import material_area as area_of
 
 
 def band(z, d) -> np.ndarray:
@@ -152,7 +152,7 @@ def test_nothing_is_cut_where_all_or_nothing_is_material():
 
 
 @zoo
-def test_areas_are_those_of_polygons_clipped_one_by_one(name):
+def test_band_areas_equal_the_areas_of_clipped_polygons(name):
     surface = ZOO[name]()
     rng = np.random.default_rng(7)
     z = 4 * surface.V[:, 0] / surface.size + 0.4 * rng.normal(size=surface.n)

@@ -17,7 +17,7 @@ from dsfab.surface import Surface, read_surface
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.meshes import mesh_file
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
 
 LEVELS = np.arange(-80.0, 81.0)
 
@@ -110,7 +110,7 @@ def test_without_seams_the_cells_are_those_of_the_plain_band(name, snap):
 
 @zoo
 @pytest.mark.parametrize(("kind", "snap"), [("even", 0.05), ("varying", 0.05), ("varying", 0), ("tips", 0), ("any", 0)])
-def test_signs_and_shifts_change_nothing(name, kind, snap):
+def test_signs_and_shifts_of_phases_do_not_change_the_cut(name, kind, snap):
     """Also where every face, and every vertex, has a sign and a shift of its own."""
     surface = ZOO[name]()
     for seed in range(2):
@@ -133,7 +133,7 @@ def test_snapped_tips_move_by_less_than_a_thousandth_of_an_edge(name, kind):
 
 
 @pytest.mark.parametrize(("kind", "share"), [("none", 0), ("touching", 1)])
-def test_stripes_without_width_are_nothing_and_touching_ones_everything(kind, share):
+def test_stripes_of_zero_width_are_empty_and_touching_stripes_cover_all(kind, share):
     surface = sphere(2)
     z = ripples(surface, 3)
     for snap in (0, 0.05):
@@ -171,7 +171,7 @@ def test_two_families_of_stripes(name, snap):
     check_whole(surface, sheet)
 
 
-def test_numbering_changes_nothing():
+def test_vertex_numbers_do_not_change_the_cut():
     surface = ZOO["dome"]()
     rng = np.random.default_rng(5)
     field = regauged(surface, ripples(surface, 2), widths(surface, "varying", 3), 4)
@@ -267,7 +267,7 @@ def halves(wanted_left: float) -> tuple[Surface, list, list]:
 
 
 @pytest.mark.parametrize("snap", [0, 0.05])
-def test_what_is_wanted_in_an_opening_ends_on_its_walls(snap):
+def test_stripes_wanted_in_an_opening_end_on_its_walls(snap):
     plate, fields, levels = halves(1.0)
     sheet = cut(plate, fields, levels, snap)
     check_whole(plate, sheet)
@@ -356,7 +356,7 @@ def test_weights_of_a_split_stand_below_those_before(name):
     np.testing.assert_allclose((new.weights @ x)[surface.n :], split.level, atol=1e-12 * np.abs(x).max())
 
 
-def test_parts_are_what_sides_connect():
+def test_connected_parts_follow_shared_sides():
     plate = grid(4, 1, 4.0, 1.0)
     mesh = PolygonMesh.from_surface(plate)
     part = mesh.part_labels(np.abs(plate.centroids[:, 0] - 2) > 1)

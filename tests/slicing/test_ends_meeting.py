@@ -9,11 +9,11 @@ from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
-from tests.zoo import grid
+from tests.shapes import grid
 
 
 @pytest.fixture(scope="module")
-def plate() -> Surface:
+def panel() -> Surface:
     return grid(5, 3, 5.0, 3.0)
 
 
@@ -51,39 +51,39 @@ def material(sheet) -> float:
 
 @pytest.mark.parametrize("half", [0.05, 0.2, 0.45])
 @pytest.mark.parametrize("faces", [(2.5, 3.0), (2.0, 2.5)])
-def test_a_stripe_goes_on_across_a_face_without_a_phase_as_wide_as_it_is(plate, faces, half):
+def test_a_stripe_crosses_a_face_without_phase_at_its_full_width(panel, faces, half):
     """The straight lines between its two ends are its own edges: no corner of the face stays, none is missing."""
-    blank = between(plate, *faces)
+    blank = between(panel, *faces)
     assert blank.sum() == 1
-    kept = material(sheet_of_stripe(plate, blank, half))
+    kept = material(sheet_of_stripe(panel, blank, half))
     assert kept == pytest.approx(5 * 2 * half + 0.2 * (3 - 2 * half), abs=1e-9)
-    without = cut(plate, [stripe(plate, half, blank), post(plate)], [[0.0], [0.0]], 0)
+    without = cut(panel, [stripe(panel, half, blank), post(panel)], [[0.0], [0.0]], 0)
     assert abs(material(without) - kept) > 1e-3  # a gap, or a node with corners
 
 
-def test_one_end_alone_is_taken_off_to_the_last_crossing(plate):
+def test_one_end_alone_is_taken_off_to_the_last_crossing(panel):
     """The stripe goes no further than the blank faces, and comes out of them nowhere."""
-    kept = material(sheet_of_stripe(plate, between(plate, 2.0, 5.0)))
+    kept = material(sheet_of_stripe(panel, between(panel, 2.0, 5.0)))
     assert kept == pytest.approx(0.2 * 3 + 0.4 * 0.9, abs=1e-9)
 
 
-def test_where_a_field_is_not_drawn_on_a_part_of_the_surface_nothing_is_filled(plate):
+def test_a_large_part_without_a_field_is_not_filled(panel):
     """Both its ends are at one gap, which is larger than what meets at a vertex."""
-    blank = (plate.centroids[:, 0] > 2.0) & (plate.centroids[:, 0] < 4.0)
-    sheet = sheet_of_stripe(plate, blank)
+    blank = (panel.centroids[:, 0] > 2.0) & (panel.centroids[:, 0] < 4.0)
+    sheet = sheet_of_stripe(panel, blank)
     assert not sheet.material[blank[sheet.parent]].any()
 
 
-def test_a_node_is_a_joint_as_a_crossing_is(plate):
+def test_a_node_is_a_joint_as_a_crossing_is(panel):
     """Its arms are parts of their own: one that leads nowhere goes, and the others stay."""
-    blank = between(plate, 2.5, 3.0)
-    mesh = PolygonMesh.from_surface(plate).with_material(3, plate.centroids[:, 1] > 1, blank)
+    blank = between(panel, 2.5, 3.0)
+    mesh = PolygonMesh.from_surface(panel).with_material(3, panel.centroids[:, 1] > 1, blank)
     assert (mesh.also == np.where(blank, 3, VOID)).all()
-    assert (mesh.with_material(4, np.ones(plate.m, dtype=bool), blank).also[blank] == 3).all()
+    assert (mesh.with_material(4, np.ones(panel.m, dtype=bool), blank).also[blank] == 3).all()
 
 
 @pytest.mark.parametrize("turned", [(), (0,), (1,), (0, 1)])
-def test_an_end_at_a_corner_is_one_whichever_way_its_neighbours_see_it(turned):
+def test_a_stripe_end_at_a_corner_is_counted_once(turned):
     """A stripe along x - y = 1 enters a blank face at its corner (2, 1) and leaves it across the side that is opposite:
     two ends, though the faces below and to the left both see the first one at the corner."""
     plate = grid(5, 3, 5.0, 3.0)

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from dsfab.slicing import Sheet, cut, divided_walls, faired_walls, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
-from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import grid, jittered, sphere
+from tests.shapes import grid, jittered, sphere
+from tests.slicing.laws import check_laws, material_area
 
 RADIUS = 0.31
 
@@ -19,7 +19,7 @@ def shaken(x: np.ndarray, amount: float, seed: int = 1) -> np.ndarray:
     return x + amount * np.random.default_rng(seed).uniform(-1, 1, len(x))
 
 
-def disc(cells: int, noise: float) -> tuple[Surface, Sheet]:
+def plate_with_round_opening(cells: int, noise: float) -> tuple[Surface, Sheet]:
     """A plate with a round opening; noise: of the field, metres."""
     plate = jittered(grid(cells, cells, 1.0, 1.0))
     away = np.linalg.norm(plate.V[:, :2] - [0.52, 0.49], axis=1)
@@ -51,7 +51,7 @@ def test_a_straight_strip_stays_and_one_that_wanders_becomes_straight():
 
 
 def test_circles_keep_their_radius():
-    plate, sheet = disc(24, 0.0)
+    plate, sheet = plate_with_round_opening(24, 0.0)
     fair = faired_walls(sheet)
     assert np.abs(off_circle(fair)).max() <= np.abs(off_circle(sheet)).max()
     strip = 2 * np.pi * RADIUS * 1e-4
@@ -60,7 +60,7 @@ def test_circles_keep_their_radius():
 
 
 def test_round_openings_are_round_again_and_their_area_nears_that_of_a_disc():
-    plate, sheet = disc(12, 0.002)
+    plate, sheet = plate_with_round_opening(12, 0.002)
     fair = faired_walls(sheet)
     done = divided_walls(fair)
     error = [np.pi * (RADIUS + off_circle(s).mean()) ** 2 - (1 - material_area(s)) for s in (fair, done)]
@@ -82,7 +82,7 @@ def test_corners_stay_and_vertices_of_the_surface_too():
     assert square[0] == square[1] > 8
 
 
-def test_without_walls_or_with_straight_ones_nothing_is_done():
+def test_fairing_leaves_straight_walls_unchanged():
     plate = grid(6, 6, 1.0, 1.0)
     whole = cut(plate, [plate.V[:, 0]], [[-1.0]])
     assert faired_walls(whole) is whole

@@ -16,25 +16,12 @@ from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.presets import BARREL_VAULT_MODES
-from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import ZOO, grid, jittered, sphere
+from tests.shapes import ZOO, grid, jittered, sphere
+from tests.slicing.laws import check_laws, material_area
+from tests.slicing.striped_balls import openings, striped_ball
 
 STRAY = 1 / 20
 """Share of the radius that a rounded corner may be off its arc."""
-
-
-def openings(plate: Surface, count: int = 3, half: float = 0.2, snap: float = 0.0) -> Sheet:
-    """A unit plate with count x count square openings."""
-    levels = np.sort(np.concatenate([np.arange(count + 1) - half, np.arange(count + 1) + half]))
-    return cut(plate, [count * plate.V[:, 0], count * plate.V[:, 1]], [levels, levels], snap)
-
-
-def striped_ball(frequency: float, level: float, seed: int) -> tuple[Surface, Sheet]:
-    """A ball, and the same cut along curved stripes, turned at random, without pinches."""
-    ball = sphere(2)
-    turned = ball.V @ np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))[0]
-    one, two = np.sin(frequency * turned[:, 0]), np.sin(frequency * turned[:, 1] + 2 * turned[:, 2] ** 2)
-    return ball, resolve_pinches(cut(ball, [one, two], [[level], [level]]), 0.01).sheet
 
 
 def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
@@ -50,7 +37,7 @@ def check_added(uncut: Surface, before: Sheet, after: Sheet) -> None:
 
 @pytest.mark.parametrize("cells", [5, 17, 40])
 @pytest.mark.parametrize("radius", [0.01, 0.04])
-def test_square_openings_gain_what_a_square_corner_less_a_quarter_disc_is(cells, radius):
+def test_a_fillet_adds_the_area_of_a_corner_minus_a_quarter_disc(cells, radius):
     plate = grid(cells, cells, 1.0, 1.0)
     sheet = openings(plate)
     done, found = rounded_corners(sheet, radius)
@@ -88,7 +75,7 @@ def test_a_radius_without_room_becomes_smaller():
     check_added(plate, sheet, done)
 
 
-def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, centre: float = 0.5) -> Sheet:
+def wedge_sheet(plate: Surface, half_angle: float, tip: float, length: float = 0.6, centre: float = 0.5) -> Sheet:
     """A unit plate with a wedge along y = `centre` as its opening, `tip` metres wide where it is narrowest."""
     x, y = plate.V[:, :2].T
     wide = np.abs(y - centre) - tip / 2 - (x - 0.2) * np.tan(half_angle)
@@ -101,7 +88,7 @@ def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, ce
 def test_a_blunt_tip_is_rounded_by_one_disc_beyond_its_corners(degrees, tip):
     """Its corners share a wall that has no room for two arcs; the disc stops where the wedge is as wide as it is."""
     half, radius, plate = np.radians(degrees), 0.05, grid(40, 40, 1.0, 1.0)
-    sheet = wedge(plate, half, tip)
+    sheet = wedge_sheet(plate, half, tip)
     done, found = rounded_corners(sheet, radius)
     assert found == pytest.approx(np.full(3, radius))
     turn = np.pi - 2 * half  # of the arc; chords of it are within the disc
@@ -128,7 +115,7 @@ def test_a_pointed_tip_without_a_corner_of_its_own_is_rounded():
     check_added(plate, ellipse, done)
 
 
-def test_a_round_slot_is_left_as_it_is_by_a_smaller_radius():
+def test_a_fillet_smaller_than_a_round_slot_changes_nothing():
     plate = grid(150, 150, 1.0, 1.0)
     x, y = plate.V[:, :2].T
     sheet = cut(plate, [np.hypot(np.clip(np.abs(x - 0.5) - 0.2, 0, None), y - 0.5)], [[0.04]], snap=0)
@@ -157,7 +144,7 @@ def plate_edge(surface: Surface) -> np.ndarray:
 
 
 def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
-    sheet = wedge(grid(40, 40, 1.0, 1.0), np.radians(9), 0.012)
+    sheet = wedge_sheet(grid(40, 40, 1.0, 1.0), np.radians(9), 0.012)
     done, _ = rounded_corners(sheet, 0.05)
     gap = features(done, done.material, [""] * 4).gap
     assert gap.size > 2 * 0.05 * np.cos(CHORD / 2)
@@ -168,7 +155,7 @@ def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
 @given(angle=st.floats(2, 40), tip=st.floats(1e-3, 0.15), radius=st.floats(5e-3, 0.2), seed=st.integers(0, 1000))
 def test_laws_on_random_wedges(angle, tip, radius, seed):
     plate = jittered(grid(23, 23, 1.0, 1.0), seed=seed)
-    sheet = resolve_pinches(wedge(plate, np.radians(angle), tip, 0.4), 1e-3).sheet
+    sheet = resolve_pinches(wedge_sheet(plate, np.radians(angle), tip, 0.4), 1e-3).sheet
     check_added(plate, sheet, rounded_corners(sheet, radius)[0])
 
 
@@ -198,7 +185,7 @@ def test_open_voids_are_rounded_at_their_inner_corners_only():
     check_added(plate, sheet, done)
 
 
-def test_the_material_takes_the_family_beside_it_and_fields_are_carried():
+def test_fillets_take_the_neighbouring_family_and_carry_fields():
     plate = grid(11, 11, 1.0, 1.0)
     sheet = openings(plate)
     done, _ = rounded_corners(sheet, 0.03)
@@ -285,7 +272,7 @@ def test_nothing_is_filled_along_a_fold():
         (3000.0, r"no corner of an opening was rounded: none has space for a radius of 3 km \(pattern.fillet\)"),
     ],
 )
-def test_what_became_of_the_radius_is_told(radius, told):
+def test_a_build_reports_the_fillet_radius_that_it_reached(radius, told):
     """Millimetres for metres are seen: nothing is rounded, and that is said."""
     made = dsfab.run(dsfab.load_preset(BARREL_VAULT_MODES, {"surface.edge": 0.5, "pattern.fillet": radius}))
     assert any(re.fullmatch(told, note.text) for note in made.notes)

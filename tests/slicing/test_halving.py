@@ -13,13 +13,13 @@ from dsfab.slicing import chart_of, cut, halve_lines
 from dsfab.slicing.measures.chart import _group_equal_rows
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 RAYS, RINGS = 32, 7
 """Periods of the rays over half a turn, and of the rings from the inner to the outer edge."""
 
 
-def fan() -> tuple[Surface, np.ndarray, np.ndarray]:
+def half_ring() -> tuple[Surface, np.ndarray, np.ndarray]:
     """Half a ring of radii 1 to 8, the phase of rays (an angle) and that of rings (a radius)."""
     flat = jittered(grid(40, 24, np.pi, 3.0), 0.1)
     angle, r = flat.V[:, 0], 2 ** flat.V[:, 1]
@@ -41,7 +41,7 @@ def phase(surface: Surface, z: np.ndarray, seed: int = 0) -> CornerPhase:
 @cache
 def example(seed: int = 0):
     """Rays are to be as far apart at the outside as they are, inside half and a quarter as many: r = 8, 4, 2."""
-    surface, rays, rings = fan()
+    surface, rays, rings = half_ring()
     r = np.linalg.norm(surface.centroids, axis=1)
     wish = np.clip(np.log2(8 / r), 0, 3)
     phases = phase(surface, rays, seed), phase(surface, rings, seed)
@@ -74,7 +74,7 @@ def test_levels_rise_where_lines_crowd(seed):
 def test_a_level_belongs_to_an_opening_between_rings(seed):
     """Openings lie between rings and coarse rays: each polygon's level is told by its ring's mean wish there."""
     surface, _, wish, given = example(seed)
-    _, rays, rings = fan()
+    _, rays, rings = half_ring()
     cells, weights = given.mesh.cells, given.mesh.weights
     centre = lambda z: cells.per_polygon(np.add, (weights @ z)[cells.corner]) / cells.sizes  # noqa: E731
     opening = np.floor(centre(rings)) * 1000 + np.floor(centre(rays) / 8)
@@ -112,7 +112,7 @@ def _at_vertices(given, k: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_what_is_wanted_and_left_sums_to_the_faces(seed):
+def test_wanted_and_left_areas_sum_to_the_area_of_the_faces(seed):
     surface, _, _, given = example(seed)
     area = given.mesh.cells.areas(given.mesh.X)[0]
     assert area.sum() == pytest.approx(surface.area, rel=1e-9)
@@ -127,7 +127,7 @@ def test_what_is_wanted_and_left_sums_to_the_faces(seed):
 
 def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     """Mean level of four openings from the inside, and of the rest, halved once at most; wish of radii."""
-    surface, rays, rings = fan()
+    surface, rays, rings = half_ring()
     asked = wish(np.linalg.norm(surface.centroids, axis=1))
     fields = phase(surface, rays).field, phase(surface, rings).field
     given = halve_lines(surface, fields, (asked.clip(0, 1), 0 * asked), (1, 0), (asked, 0 * asked))
@@ -136,20 +136,20 @@ def ring_levels(wish: Callable[[np.ndarray], np.ndarray]) -> list[float]:
     return (np.bincount(ring, area * given.level[:, 0]) / np.bincount(ring, area)).tolist()
 
 
-def test_what_a_part_of_an_opening_wishes_over_the_most_counts_where_that_is_more_even():
+def test_the_mean_wish_of_an_opening_counts_if_it_makes_stripes_more_even():
     """In three rings every other face wishes for 2.7 halvings, the others for 0.5: for 1.6 in the mean, and for 0.75
     if only one is counted; then what is wished for and what is done would be 2.7 powers of two apart, not 2.2."""
     levels = ring_levels(lambda r: np.where(r < 3.6, np.where(np.arange(len(r)) % 2, 2.7, 0.5), 0.0))
     assert levels == pytest.approx([1, 1, 1, 0, 0], abs=0.03)
 
 
-def test_it_does_not_count_where_that_gains_little():
+def test_the_mean_wish_of_an_opening_is_ignored_if_it_gains_little():
     """A fortieth of the area wishes for 1.6 and 0.8 halvings: 1.2 in the mean, and 0.9 where one is the most."""
     assert ring_levels(lambda r: np.where(r < 1.63, np.where(np.arange(len(r)) % 2, 1.6, 0.8), 0.0)) == [0] * 5
 
 
 def test_without_halving_nothing_is_divided():
-    surface, rays, rings = fan()
+    surface, rays, rings = half_ring()
     fields = phase(surface, rays).field, phase(surface, rings).field
     given = halve_lines(surface, fields, (np.ones(surface.m), np.ones(surface.m)), (0, 0))
     assert len(given.mesh.parent) == surface.m
@@ -159,7 +159,7 @@ def test_without_halving_nothing_is_divided():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_chart_is_the_surface_with_one_phase_at_every_vertex(seed):
     surface, _, _, given = example(seed)
-    _, rays, _rings = fan()
+    _, rays, _rings = half_ring()
     chart = chart_of(given)
     assert chart.surface.area == pytest.approx(surface.area, rel=1e-9)
     assert chart.carry(surface.V) == pytest.approx(chart.surface.V, abs=1e-12)
@@ -192,7 +192,7 @@ def test_a_chart_is_cut_open_at_seams_only():
 
 
 def test_a_chart_marks_faces_without_a_phase():
-    surface, rays, rings = fan()
+    surface, rays, rings = half_ring()
     field = phase(surface, rays).field
     blank = np.arange(surface.m) % 50 == 7
     given = halve_lines(surface, (replace(field, blank=blank), phase(surface, rings).field), (0 * rays,) * 2, (0, 0))
@@ -242,7 +242,7 @@ def test_openings_that_are_alike_are_halved_alike(means, wanted):
     assert split_value(np.array(means), 1, 0.05) == pytest.approx(wanted)
 
 
-def test_things_that_are_alike_are_found_as_by_sorting_all():
+def test_equal_rows_are_grouped_as_by_numpy_unique():
     """Against numpy: the same groups, in the order in which they come first."""
     rng = np.random.default_rng(4)
     key = rng.integers(0, 40, 300)

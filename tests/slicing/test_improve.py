@@ -15,8 +15,8 @@ from dsfab.slicing.measures.lines import outline_labels
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
-from tests.slicing.test_slicing import cases, check_laws
-from tests.zoo import ZOO, grid, jittered, sphere
+from tests.shapes import ZOO, grid, jittered, sphere
+from tests.slicing.laws import cases, check_laws
 
 SHARES = [0.0, 0.02, 0.1]
 
@@ -107,7 +107,7 @@ def test_a_sheet_that_cannot_be_better_comes_back_itself():
     assert (done.flips, done.collapses, done.strayed) == (0, 0, 0.0)
 
 
-def test_a_preset_asks_for_it():
+def test_the_key_improve_improves_the_cut_mesh():
     plain = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8})
     one = dsfab.run(plain)
     two = dsfab.revise(one, with_overrides(plain, {"slicing.improve": True, "slicing.tolerance": 0.04}))

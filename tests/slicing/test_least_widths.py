@@ -6,9 +6,9 @@ import pytest
 from dsfab.slicing import Sheet, cut, resolve_pinches, with_least_widths
 from dsfab.slicing.measures.widths import Features, features
 from dsfab.surface import Surface
-from tests.slicing.test_necks import check_bridged
-from tests.slicing.test_slicing import material_area
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
 
 GAP, MEMBER = 0.02, 0.04
 HALF_ANGLE = np.radians(4)
@@ -65,7 +65,7 @@ def test_a_tip_is_filled_up_to_its_mouth(plate):
 
 
 @pytest.mark.parametrize("plate", plates())
-def test_a_slit_closes_where_it_is_narrow(plate):
+def test_a_slit_closes_only_along_its_narrow_part(plate):
     """An hourglass, 4 mm wide in its middle and 6 cm at both ends, and a slit of 15 mm that closes altogether."""
     x, y = plate.V[:, :2].T - 0.5
     hourglass = np.maximum(np.abs(y - 0.2) - 0.002 - 0.1 * np.abs(x), np.abs(x) - 0.3)
@@ -111,7 +111,7 @@ def test_openings_beside_wider_members_keep_the_width_of_a_neck():
     assert found(with_least_widths(sheet, GAP, MEMBER).cells).gap.size < 0.9 * neck
 
 
-def test_what_is_wide_enough_or_not_asked_for_stays():
+def test_openings_that_are_wide_enough_stay():
     plate = plates()[1]
     x, y = plate.V[:, :2].T - 0.5
     sheet = opening(plate, np.maximum(np.abs(np.abs(x) - 0.2) - 0.1, np.abs(y) - 0.3))

@@ -10,22 +10,8 @@ from dsfab.slicing import cut
 from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import chains, hat_gradients, level_lines, polyline_length, simplified_line
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
-
-
-def tube(around: int, along: int, radius: float = 1.0, height: float = 2.0) -> Surface:
-    """An upright cylinder, open at both ends; its normals point outwards."""
-    i, j = np.meshgrid(np.arange(around), np.arange(along + 1), indexing="ij")
-    angle = 2 * np.pi * (i + 0.5 * (j % 2)).ravel() / around
-    V = np.c_[radius * np.cos(angle), radius * np.sin(angle), height * j.ravel() / along]
-    i, j = (k.ravel() for k in np.meshgrid(np.arange(around), np.arange(along), indexing="ij"))
-    a, right = i * (along + 1) + j, (i + 1) % around * (along + 1) + j
-    even = j % 2 == 0
-    F = np.concatenate(
-        [np.c_[a, right, a + 1][even], np.c_[right, right + 1, a + 1][even]]
-        + [np.c_[a, right, right + 1][~even], np.c_[a, right + 1, a + 1][~even]]
-    )
-    return Surface(V, F)
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
+from tests.slicing.staggered_tubes import staggered_tube
 
 
 def striped(surface: Surface, x: np.ndarray, stripes: Stripes):
@@ -36,7 +22,7 @@ def striped(surface: Surface, x: np.ndarray, stripes: Stripes):
     return sheet, edges, centre_lines(sheet, "major", z, np.full(surface.n, stripes.half_width))
 
 
-def test_stripes_on_a_plate_are_straight_and_as_long_as_it_is_wide():
+def test_stripes_on_a_plate_are_straight_and_span_its_width():
     """x = position along 2 m, two stripes per metre at half a period: members 0.25 m wide, middles every 0.5 m."""
     plate = jittered(grid(16, 9, 2.0, 1.0))
     _, edges, centre = striped(plate, plate.V[:, 0].copy(), Stripes(2.0, phase=0.5))
@@ -60,7 +46,7 @@ def test_rings_on_a_cylinder_are_circles():
     """Each ring is closed, and a polygon of 2 n chords in a regular n-gon's sides: 2 pi r to second order."""
     error = []
     for n in (24, 48, 96):
-        _, edges, centre = striped(tube(n, 11), tube(n, 11).V[:, 2].copy(), Stripes(2.0, phase=0.3))
+        _, edges, centre = striped(staggered_tube(n, 11), staggered_tube(n, 11).V[:, 2].copy(), Stripes(2.0, phase=0.3))
         assert {line.is_closed for line in [*edges, *centre]} == {True}
         assert len(centre) == 4
         error.append(max(abs(line.length / (2 * np.pi) - 1) for line in centre))
@@ -143,7 +129,7 @@ def test_a_level_through_vertices_and_along_edges_is_drawn_once():
     assert (around.points[0] == around.points[-1]).all()
 
 
-def test_every_chord_lies_in_the_face_it_names():
+def test_each_chord_lies_in_its_face():
     surface = sphere(2)
     for track in level_lines(surface, surface.V @ [0.3, 0.5, 0.8], np.linspace(-0.9, 0.9, 7)):
         corners = surface.V[surface.F[track.faces]]

@@ -8,8 +8,8 @@ from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.measures.lines import CornerLines, chart_lines, edge_lines
 from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
-from tests.slicing.test_lines import tube
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
+from tests.slicing.staggered_tubes import staggered_tube
 
 NAMES = ("major", "minor")
 
@@ -35,8 +35,8 @@ def drawn(surface: Surface, z: np.ndarray, y: np.ndarray, turned: np.ndarray, d:
     return sheet, edges, {name: chart_lines(sheet, surface, NAMES, name, chart, width) for name in NAMES}
 
 
-def test_rings_are_whole_however_faces_see_them():
-    surface = tube(24, 11)
+def test_middle_lines_of_rings_are_closed_for_any_orientation_of_phases():
+    surface = staggered_tube(24, 11)
     z = surface.V[:, 2] * 2 + 0.3
     turned = surface.centroids[:, 0] > 0
     _, edges, middles = drawn(surface, z, np.full(surface.n, 0.5), turned)
@@ -53,7 +53,7 @@ def test_rings_are_whole_however_faces_see_them():
 
 
 def test_a_number_is_that_of_most_of_the_line():
-    surface = tube(24, 11)
+    surface = staggered_tube(24, 11)
     z = surface.V[:, 2] * 2 + 0.3
     _, _, middles = drawn(surface, z, np.full(surface.n, 0.5), surface.centroids[:, 0] > 0.7)
     assert {line.number for line in middles["major"]} == {1, 2, 3, 4}

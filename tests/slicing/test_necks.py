@@ -11,10 +11,11 @@ from dsfab.slicing.finishing.least_widths import REACH, narrow_gaps
 from dsfab.slicing.finishing.openings import openings_of
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
-from dsfab.surface.topology import euler_characteristic, manifold_faults
-from tests.slicing.test_fillet import openings, striped_ball
-from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import grid, jittered
+from dsfab.surface.topology import euler_characteristic
+from tests.shapes import grid, jittered
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
+from tests.slicing.striped_balls import openings, striped_ball
 
 WIDTH = 0.05
 
@@ -24,14 +25,6 @@ def dumbbell(plate: Surface, half: float, far: float = 0.1, size: float = 0.15) 
     x, y = plate.V[:, :2].T - 0.5
     squares = np.maximum(np.abs(np.abs(x) - far - size) - size, np.abs(y) - size)
     return cut(plate, [np.minimum(squares, np.maximum(np.abs(x) - far - 0.05, np.abs(y) - half))], [[0.0]], snap=0)
-
-
-def check_bridged(uncut: Surface, before: Sheet, after: Sheet) -> None:
-    """Material is added only, and fits."""
-    check_laws(uncut, after)
-    assert manifold_faults(after.surface.F, after.surface.edges, after.surface.n) == ()
-    assert material_area(after) >= material_area(before)
-    assert after.weights @ uncut.V == pytest.approx(after.surface.V, abs=1e-12)
 
 
 @pytest.mark.parametrize("half", [0.004, 0.012, 0.02])
@@ -102,7 +95,7 @@ def folded_opening(half: float) -> tuple[Surface, Sheet]:
 
 
 @pytest.mark.parametrize("half", [0.01, 0.02])
-def test_a_passage_around_a_fold_is_bridged_where_it_is_measured(half):
+def test_a_narrow_passage_around_a_fold_is_bridged(half):
     plate, sheet = folded_opening(half)
     assert bridged_necks(sheet, WIDTH)[1] == 0  # flat, it is not seen
     gaps = narrow_gaps(sheet, 0.9 * WIDTH, 2 * WIDTH)
@@ -127,7 +120,7 @@ def test_gaps_of_a_rounded_sheet_are_bridged_in_the_sheet_before():
     assert not len(narrow_gaps(again, 0.9 * WIDTH, WIDTH))
 
 
-def test_a_sheet_without_openings_stays_as_it_is():
+def test_a_sheet_without_openings_is_unchanged():
     plate = grid(8, 8, 1.0, 1.0)
     for level in (-1.0, 2.0):
         sheet = cut(plate, [plate.V[:, 0]], [[level]])
@@ -135,7 +128,7 @@ def test_a_sheet_without_openings_stays_as_it_is():
         assert bridged_gaps(sheet, sheet, 0.1, 0.1) == (sheet, 0)
 
 
-def test_a_pocket_behind_a_neck_is_filled_with_it():
+def test_a_pocket_behind_a_bridged_neck_is_filled():
     """A square of 6 cm that a passage joins to a large opening: a hole of its own there would be good for nothing."""
     plate = grid(50, 50, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
@@ -149,7 +142,7 @@ def test_a_pocket_behind_a_neck_is_filled_with_it():
     check_bridged(plate, sheet, done)
 
 
-def test_an_island_is_tied_to_the_members_around_it():
+def test_an_island_is_joined_to_the_members_around_it():
     plate = grid(50, 50, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
     ring = np.maximum(np.maximum(np.abs(x), np.abs(y)) - 0.3, 0.1 - np.maximum(np.abs(x - 0.18), np.abs(y)))

@@ -11,8 +11,8 @@ from dsfab.slicing.finishing.openings import CRUMB, NARROWER, with_filled
 from dsfab.surface import Surface
 from tests.designs import sliced
 from tests.meshes import mesh_file
-from tests.pattern.test_quality import plate
 from tests.presets import DOME_MODES, GLOBE_MODES
+from tests.shapes import square
 
 
 def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
@@ -27,7 +27,7 @@ def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
 @pytest.mark.parametrize("d", [0.24, 0.28, 0.4])
 def test_slits_are_openings_narrower_than_the_members_beside(d):
     """7 times 5 openings between two members, of (1 - 2 d) to 2 d, those at the edge of the plate cut open."""
-    cells = grid_of(plate(), d)
+    cells = grid_of(square(), d)
     found = openings_of(cells)
     wide = (1 - 2 * d) / (2 * d)
     inner = np.abs(found.centroids[:, 0]) < 0.9
@@ -43,7 +43,7 @@ def test_slits_are_openings_narrower_than_the_members_beside(d):
 
 def test_slits_are_filled_and_nothing_else():
     """Members are twice as wide on the right of the plate: the openings there are narrower than they are."""
-    surface = plate()
+    surface = square()
     cells = grid_of(surface, np.where(surface.V[:, 0] > 0.3, 0.3, 0.15))
     slits = openings_of(cells).slits
     filled, count = filled_slits(cells, "crowded")
@@ -61,7 +61,7 @@ def test_slits_are_filled_and_nothing_else():
 
 def test_filled_openings_side_by_side_are_found():
     """Openings .5 by .25 m: six on the right of the plate that hang together, and two far from them."""
-    before = grid_of(plate(), 0.1)
+    before = grid_of(square(), 0.1)
     every = openings_of(before)
     x, y = every.centroids[:, 0], every.centroids[:, 1]
     some = (x > 0.4) & (x < 0.9) & (np.abs(y) < 0.6)
@@ -74,15 +74,15 @@ def test_filled_openings_side_by_side_are_found():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("turn", "told"), [(45, True), (0, False)])
-def test_a_plate_of_filled_openings_is_told_with_its_place(turn, told):
+def test_filled_openings_give_a_note_with_their_place(turn, told):
     """Around the crown of a dome, where stripes turned by 45 degrees come together in spirals."""
     made = built("dome", **{"pattern.rotate": turn, "surface.edge": 0.4})
     assert any("side by side around (0, 0, 3.9" in note.text for note in made.notes) == told
 
 
-def test_openings_close_as_a_whole_by_the_mean_of_what_members_crowd():
+def test_crowded_openings_close_as_a_whole_by_the_mean_of_their_members():
     """Where x > .1 in the mean: all openings right of that are material, those left of it as they were."""
-    surface = plate()
+    surface = square()
     plain, closed = grid_of(surface, 0.2), grid_of(surface, 0.2, surface.V[:, 0] - 0.1)
     right = closed.surface.centroids[:, 0] > 0.125
     assert closed.material[right].all()
@@ -94,7 +94,7 @@ def test_openings_close_as_a_whole_by_the_mean_of_what_members_crowd():
 
 def test_openings_that_are_alike_close_alike():
     """Those around x = 0 are .02 and less from where openings close: of one column, all of them do or none."""
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
     void = openings_of(closed)
@@ -107,7 +107,7 @@ def test_an_opening_with_a_long_tip_is_not_as_small_as_its_tip_is_narrow(radius,
 
     4 area / perimeter is .177 m, or .088 around a small triangle, which is little more than the slit's.
     """
-    surface = plate(60, 0.5)
+    surface = square(60, 0.5)
     x, y, _ = surface.V.T
     sides = [np.cos(a) * (x + 0.2) + np.sin(a) * y - radius for a in np.radians([60, 180, 300])]
     slit = np.max([-0.2 - x, x - 2 * radius - 0.2, np.abs(y) - 0.02], axis=0)
@@ -121,7 +121,7 @@ def test_few_walls_more_or_less_make_no_other_opening():
     """A slit that widens to a triangle, in a ring of .05 m, gets longer: on the mesh its walls are opposite to each
     other on 18 to 32 % of all, up and down, and it was 1, 1, 2.5 and 1 times as wide as the ring.
     """
-    surface = plate(60, 0.5)
+    surface = square(60, 0.5)
     x, y, _ = surface.V.T
     triangle = np.max([np.cos(a) * (x + 0.2) + np.sin(a) * y - 0.05 for a in np.radians([60, 180, 300])], axis=0)
 
@@ -139,7 +139,7 @@ def test_few_walls_more_or_less_make_no_other_opening():
 @pytest.mark.parametrize("left", [0.02, 0.03, 0.06])
 def test_crumbs_are_openings_far_smaller_than_most(left):
     """A broad member leaves so many metres of the .15 of one column of openings, which are .4 long."""
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     across = (left, 0.15)
     size = [4 * 0.4 * width / (2 * (0.4 + width)) for width in across]
@@ -161,7 +161,7 @@ def test_crumbs_are_openings_far_smaller_than_most(left):
 @pytest.mark.parametrize(("member", "count"), [(0.02, 0), (0.025, 0), (0.035, 3), (0.06, 3)])
 def test_small_openings_between_thin_members_are_no_crumbs(member, count):
     """Of a column .08 m wide, a quarter of the others' size: 4 to 1.3 times as wide as members; 2.5 is the limit."""
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     side = 0.04 + member / 2
     bands = [(y / 0.5 + 0.5, member), (x / 0.5 + 0.5, member), (x - side, member / 2), (x + side, member / 2)]
@@ -171,8 +171,8 @@ def test_small_openings_between_thin_members_are_no_crumbs(member, count):
     assert filled_crumbs(cells)[1] == count
 
 
-def test_few_openings_do_not_say_what_is_usual(monkeypatch):
-    cells = grid_of(plate(), 0.2)
+def test_few_openings_give_no_usual_size(monkeypatch):
+    cells = grid_of(square(), 0.2)
     assert filled_crumbs(cells) == (cells, 0)
     monkeypatch.setattr(openings, "CRUMB", 5.0)  # all of them
     assert filled_crumbs(cells)[1] > 0

@@ -10,8 +10,8 @@ from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.finishing import point_contacts
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces, pinches
-from tests.slicing.test_slicing import check_laws, material_area
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
+from tests.slicing.laws import check_laws, material_area
 
 both_rules = pytest.mark.parametrize("rule", ["join", "split"])
 
@@ -115,7 +115,7 @@ def test_no_pinch_is_left_on_random_sheets(seed, share, rule):
 
 
 @pytest.mark.parametrize(("seed", "share"), [(60, 0.6), (83, 0.6), (122, 0.3)])
-def test_corner_cuts_finish_what_discs_leave(seed, share, monkeypatch):
+def test_corner_cuts_remove_the_pinches_that_discs_leave(seed, share, monkeypatch):
     """Sheets on which three rounds of discs keep making a new pinch."""
     surface, sheet = two_families(seed)
     done = resolve_pinches(sheet, share * surface.mean_edge, "split")

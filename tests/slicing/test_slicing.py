@@ -3,21 +3,16 @@
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
-from scipy.spatial import Delaunay
 
 from dsfab.core.errors import PatternError
-from dsfab.slicing import Sheet, cut
+from dsfab.slicing import cut
 from dsfab.slicing.cutting.cells import LARGEST, Cells, triangulate
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
-
-
-def material_area(sheet: Sheet) -> float:
-    return sheet.surface.areas[sheet.material].sum()
+from tests.shapes import ZOO, grid, jittered, sphere, zoo
+from tests.slicing.laws import cases, check_laws, material_area, points_in_cells
 
 
 def area_below(surface: Surface, x: np.ndarray, level: float) -> float:
@@ -54,43 +49,6 @@ def closeness(fields, levels, weights) -> np.ndarray:
     return np.min(gaps, axis=0) if gaps else np.full(weights.shape[0], np.inf)
 
 
-def points_in_cells(sheet: Sheet, per_cell: int = 5, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """Random points of the cells, as weights on the uncut vertices, and the cell of each."""
-    inside = np.random.default_rng(seed).dirichlet([1, 1, 1], (per_cell, sheet.surface.m))
-    W = sheet.weights.toarray()[sheet.surface.F]
-    return np.einsum("pmc,mcn->pmn", inside, W).reshape(-1, W.shape[2]), np.tile(np.arange(sheet.surface.m), per_cell)
-
-
-def check_laws(surface: Surface, sheet: Sheet) -> None:
-    """What holds for every sheet cut from a surface."""
-    cells, old, new = sheet.surface, surface.edges, sheet.surface.edges
-    # the cells fill their parents, once, and face the same way
-    areas = np.bincount(sheet.parent, cells.areas, minlength=surface.m)
-    assert areas == pytest.approx(surface.areas, rel=1e-9, abs=1e-14 * surface.area)
-    assert cells.area == pytest.approx(surface.area, rel=1e-12)
-    assert (
-        np.einsum("ij,ij->i", cells.normals, surface.normals[sheet.parent])[cells.areas > 1e-10 * surface.area] > 0.999
-    ).all()
-    # connected as before: no T-junction, no duplicate, no gap
-    assert euler_characteristic(cells.F, new) == euler_characteristic(surface.F, old)
-    assert pieces(cells.F, new)[0] == pieces(surface.F, old)[0]
-    assert new.count.max() <= max(2, old.count.max())
-    length = lambda s: np.linalg.norm(np.diff(s.V[s.edges.ends[s.edges.boundary]], axis=1), axis=2).sum()  # noqa: E731
-    assert length(cells) == pytest.approx(length(surface), rel=1e-12, abs=1e-300)
-    assert len(np.unique(np.sort(cells.F, axis=1), axis=0)) == cells.m
-    assert len(np.unique(cells.V[np.unique(cells.F)], axis=0)) == len(np.unique(cells.F))
-    # weights
-    W = sheet.weights
-    assert np.diff(W.indptr).max() <= 3
-    assert W.data.min() > 0
-    assert W.sum(axis=1) == pytest.approx(np.ones(cells.n), abs=1e-14)
-    assert sheet.carry(surface.V) == pytest.approx(cells.V, abs=1e-14 * np.abs(surface.V).max())
-    assert (W[: surface.n].toarray() == np.eye(surface.n)).all()
-    corners = np.zeros((cells.m, surface.n), dtype=bool)
-    np.put_along_axis(corners, surface.F[sheet.parent], True, axis=1)
-    assert not ((W.toarray()[cells.F] > 0) & ~corners[:, None, :]).any()
-
-
 # --- closed forms
 
 
@@ -104,7 +62,7 @@ def test_stripes_of_a_plate_have_exact_areas(count):
     check_laws(plate, sheet)
 
 
-def test_two_crossing_families_cover_what_neither_leaves_free():
+def test_two_crossing_families_cover_the_union_of_their_stripes():
     plate = jittered(grid(6, 6, 1.0, 1.0))
     along, across = np.array([0.11, 0.31, 0.47, 0.92]), np.array([0.05, 0.13, 0.38, 0.71, 0.83])
     a, b = 0.2 + 0.45, 0.08 + 0.33 + 0.17
@@ -162,7 +120,7 @@ def test_cells_give_back_the_surface(name, snap):
     check_laws(surface, sheet)
 
 
-def test_every_sample_is_in_a_cell_of_its_own_family():
+def test_each_sample_point_lies_in_a_cell_of_its_family():
     """Points of the faces, located among the cells of their face by barycentric coordinates."""
     surface = jittered(grid(3, 3, 1.0, 1.0), seed=3)
     rng = np.random.default_rng(4)
@@ -201,31 +159,6 @@ def test_snap_moves_a_line_by_at_most_its_fraction(snap):
     added = sheet.weights[surface.n :]
     assert added.data.min() > snap / (1 + 2 * snap)  # no new vertex close to an old one
     assert cut(surface, [x], [levels], snap=0).weights[surface.n :].data.min() < snap / 2
-
-
-@st.composite
-def cases(draw):
-    """A lifted Delaunay mesh, fields that are random, on levels, next to levels or constant in places, and levels."""
-    rng = np.random.default_rng(draw(st.integers(0, 10**6)))
-    xy = rng.uniform(size=(draw(st.integers(4, 22)), 2))
-    surface = Surface(np.c_[xy, draw(st.sampled_from([0.0, 0.5])) * rng.normal(size=len(xy))], Delaunay(xy).simplices)
-    fields, levels = [], []
-    for _ in range(draw(st.integers(1, 3))):
-        x = rng.normal(size=surface.n)
-        kind = draw(st.sampled_from(["random", "rounded", "near", "patches", "constant"]))
-        if kind != "random":
-            x = np.round(4 * x) / 4
-        if kind == "near":
-            x = x + rng.choice([0, 1e-16, 1e-12, -1e-10, 1e-8, -1e-6, 1e-3], size=surface.n)
-        if kind == "patches":
-            x[surface.F[rng.integers(surface.m, size=3)]] = 0.25
-        if kind == "constant":
-            x[:] = 0.25
-        lines = [rng.normal(size=5), np.arange(-8, 9) / 4, np.array([0.25, 0.25, 0.5]), np.array([0.25]), np.empty(0)]
-        lines.append(np.array([0, 0.25, 0.25 + 1e-13, 0.25 + 1e-7, 0.5]))
-        fields.append(x)
-        levels.append(np.sort(lines[draw(st.integers(0, len(lines) - 1))]))
-    return surface, fields, levels, draw(st.sampled_from([0.0, 0.05, 0.3]))
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -270,7 +203,7 @@ def test_degenerate_values_follow_the_rule(values, levels, cells, families):
 
 
 @pytest.mark.parametrize("distance", [1e-15, 1e-11])
-def test_line_very_near_a_vertex_goes_through_it(distance):
+def test_a_line_very_near_a_vertex_snaps_to_it(distance):
     plate = grid(4, 4, 1.0, 1.0)
     exact = cut(plate, [plate.V[:, 0]], [[0.5]], snap=0)
     near = cut(plate, [plate.V[:, 0]], [[0.5 + distance]], snap=0)

@@ -13,7 +13,7 @@ OPENING = [(6, 5, 8), (5, 10, 8), (10, 12, 8), (10, 11, 12), (11, 4, 12), (4, 7,
 TIP = 0.05
 
 
-def strip(half: float, high: float, top: float, fold: float) -> Sheet:
+def toothed_strip(half: float, high: float, top: float, fold: float) -> Sheet:
     """A member of 4 x 1 below an opening, with a tooth twice `half` wide, and `top` times that at its tip.
 
     8 ----- 12 ---- 7
@@ -45,7 +45,7 @@ def strip(half: float, high: float, top: float, fold: float) -> Sheet:
 )
 @pytest.mark.parametrize(("size", "fold"), [(1e-3, 0.0), (1.0, 0.0), (1.0, 0.5)])
 def test_a_short_sharp_tooth_is_cut_off_along_its_chord(half, high, top, off, size, fold):
-    sheet = strip(half, high, top, fold)
+    sheet = toothed_strip(half, high, top, fold)
     sheet = Sheet(Surface(size * sheet.surface.V, sheet.surface.F), sheet.parent, sheet.family, sheet.weights)
     done, count = without_spikes(sheet)
     areas = done.surface.areas

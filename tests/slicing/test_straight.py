@@ -11,7 +11,7 @@ from dsfab.surface import Surface
 LONG, WIDE = 3.0, 0.7
 
 
-def strip(seed: int, nx: int = 12, ny: int = 5) -> Surface:
+def shaken_strip(seed: int, nx: int = 12, ny: int = 5) -> Surface:
     """A flat strip of shaken vertices and random diagonals; shaken by more, a face could be turned over."""
     rng = np.random.default_rng(seed)
     x, y = np.meshgrid(np.linspace(0, LONG, nx), np.linspace(0, WIDE, ny), indexing="ij")
@@ -45,8 +45,8 @@ def ends_from_below(flat: Surface, F: np.ndarray, V: np.ndarray) -> tuple[np.nda
 
 
 @given(seed=st.integers(0, 10**6))
-def test_across_a_flat_strip_they_run_straight_to_the_other_side(seed):
-    flat = strip(seed)
+def test_a_line_crosses_a_flat_strip_straight(seed):
+    flat = shaken_strip(seed)
     start, end, length, slope = ends_from_below(flat, flat.F, flat.V)
     np.testing.assert_allclose(end, start, atol=1e-12)
     np.testing.assert_allclose(length, WIDE)
@@ -54,8 +54,8 @@ def test_across_a_flat_strip_they_run_straight_to_the_other_side(seed):
 
 
 @given(seed=st.integers(0, 10**6), angle=st.floats(-2.5, 2.5))
-def test_they_see_neither_a_fold_nor_how_faces_are_oriented(seed, angle):
-    flat = strip(seed)
+def test_straight_ends_do_not_depend_on_folds_or_orientation(seed, angle):
+    flat = shaken_strip(seed)
     edge = 4 / 11 * LONG  # folded along the edges there: nothing of it is shaken in x
     V, rng = flat.V.copy(), np.random.default_rng(seed)
     V[np.abs(V[:, 0] - edge) < 0.5 * LONG / 11, 0] = edge
@@ -74,7 +74,7 @@ def test_they_see_neither_a_fold_nor_how_faces_are_oriented(seed, angle):
 
 
 @pytest.mark.parametrize("angle", [5, 20, 40])
-def test_on_a_slanted_side_they_tell_the_slope(angle):
+def test_a_line_that_meets_a_slanted_side_returns_its_slope(angle):
     """A trapezium whose upper side rises: a line from x meets it at height WIDE + x tan(angle)."""
     rise = np.tan(np.radians(angle))
     V = np.array([[0, 0, 0], [LONG, 0, 0], [LONG, WIDE + LONG * rise, 0], [0, WIDE, 0]])

@@ -10,7 +10,7 @@ from dsfab.slicing.finishing import straight_bars
 from dsfab.slicing.finishing.straight_bars import FairBar
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
-from tests.slicing.test_stubs import FRAME, HALF, HIGH, LONG, PLATE, blank_face, material, parts
+from tests.slicing.posts import FRAME, HALF, HIGH, LONG, PLATE, blank_face, material, parts
 
 LOW, AT, STEP = 1.45, 2.25, 0.25
 LEFT, RIGHT = 1.1, 3.9

@@ -12,30 +12,17 @@ from dsfab.preset.proposal import preset_for
 from dsfab.slicing import Tidy, material_area, tidied_sheet
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.finishing.stubs import LARGE, LARGER
-from dsfab.surface import pieces
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
-from tests.zoo import grid
-
-LONG, HIGH, FRAME, HALF, STEP = 5.0, 3.0, 0.1, 0.15, 0.25
-PLATE = grid(20, 5, LONG, HIGH)
+from tests.slicing.posts import FRAME, HALF, HIGH, LONG, PLATE, STEP, blank_face, material, parts
 
 
 def stripe(y: float, blank: np.ndarray) -> CornerField:
     """One along a height, .3 wide, but for blank faces (m,)."""
     z = PLATE.V[:, 1] - y
     return CornerField(np.stack([z + HALF, z - HALF], axis=1), np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank)
-
-
-def blank_face(x: float, y: float) -> np.ndarray:
-    """(m,) the one face at a place."""
-    V = PLATE.V[PLATE.F]
-    side = [np.cross(V[:, (k + 1) % 3] - V[:, k], np.array([x, y, 0.0]) - V[:, k])[:, 2] for k in range(3)]
-    found = np.all(np.array(side) > 0, axis=0)
-    assert found.sum() == 1
-    return np.asarray(found)
 
 
 def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edges: bool = True) -> Sheet:
@@ -59,15 +46,6 @@ def sheet_of(posts: list[float], y: float, at: float, more: tuple = (), kept_edg
     return sheet
 
 
-def material(sheet: Sheet) -> float:
-    return float(sheet.surface.areas[sheet.material].sum())
-
-
-def parts(sheet: Sheet) -> int:
-    kept = sheet.subset().surface
-    return pieces(kept.F, kept.edges)[0]
-
-
 def whole(posts: list[float]) -> float:
     """Area of both edges, the posts and the stripe, nothing missing."""
     return 2 * FRAME * LONG + 0.2 * len(posts) * (HIGH - 2 * FRAME) + 2 * HALF * (LONG - 0.2 * len(posts))
@@ -83,14 +61,14 @@ def test_a_bar_across_one_opening_is_cut_off_at_both_members():
     assert not ((x > 2.1) & (x < 2.9) & (y > FRAME) & (y < HIGH - FRAME)).any()
 
 
-def test_it_stays_where_the_opening_would_be_large():
+def test_a_stub_stays_if_its_removal_opens_a_large_gap():
     posts = [1.0, 4.0]
     sheet = sheet_of(posts, 1.5, 2.45)
     assert sheet.stubs == 0
     assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
 
 
-def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(monkeypatch):
+def test_a_stub_that_parts_an_eyelet_is_removed(monkeypatch):
     """Without it an opening is 1.3 x 2.8, over twice the size of most; it parts one of 1.97 from one of .53 height."""
     posts = [1.0, 2.5, 3.5, 4.4]
     sheet = sheet_of(posts, 2.22, 1.7)
@@ -100,7 +78,7 @@ def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(mon
     assert sheet_of(posts, 2.22, 1.7).stubs == 0
 
 
-def test_what_divides_good_openings_stays(monkeypatch):
+def test_a_bar_between_two_good_openings_stays(monkeypatch):
     """Both halves are larger than most, though the opening without it would be no larger than is allowed."""
     posts = [1.0, 2.0, 3.0, 4.18]
     sheet = sheet_of(posts, 1.5, 3.45)
@@ -110,7 +88,7 @@ def test_what_divides_good_openings_stays(monkeypatch):
     assert sheet_of(posts, 1.5, 3.45).stubs == 1
 
 
-def test_what_holds_the_sheet_together_stays():
+def test_a_bar_that_holds_the_sheet_together_stays():
     """Posts without the edges hang on the stripe alone."""
     assert sheet_of([1.0, 2.0, 3.0, 4.0], 1.5, 2.45, kept_edges=False).stubs == 0
 
@@ -126,7 +104,7 @@ def test_no_end_is_made():
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.floats(0.5, 1.4), min_size=3, max_size=6), st.floats(1.36, 1.64), st.integers(2, 17))
-def test_it_is_a_whole_bar_or_nothing(steps, y, column):
+def test_a_bar_between_two_posts_is_removed_as_a_whole_or_not_at_all(steps, y, column):
     """Posts anywhere, the node in any face of the middle row: the sheet is one piece, and the bar between two posts is
     gone from one to the other, or is all there."""
     posts = [float(p) for p in np.cumsum(steps) if p < LONG - 0.4]
@@ -141,7 +119,7 @@ def test_it_is_a_whole_bar_or_nothing(steps, y, column):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "least", "gone"), [("roof", 3, (4.16, 0.99)), ("terrain", 4, (1.4, 22.3))])
-def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, gone, tmp_path, monkeypatch):
+def test_hooks_of_imported_surfaces_are_removed_without_new_defects(name, least, gone, tmp_path, monkeypatch):
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
     mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)

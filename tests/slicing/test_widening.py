@@ -10,10 +10,10 @@ from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import narrow_members
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
-from tests.slicing.test_fillet import striped_ball
-from tests.slicing.test_necks import check_bridged
-from tests.slicing.test_slicing import material_area
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
+from tests.slicing.bridges import check_bridged
+from tests.slicing.laws import material_area
+from tests.slicing.striped_balls import striped_ball
 
 WIDTH, USUAL = 0.05, 0.12
 
@@ -44,7 +44,7 @@ def widened(sheet: Sheet, radius: float = 0.02) -> tuple[Sheet, Sheet, int]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "waist"), [(None, 0.01), (0, 0.01), (0, 0.02), (1, 0.04)])
-def test_a_waist_becomes_as_wide_as_asked(waist, seed):
+def test_a_waist_reaches_the_requested_width(waist, seed):
     plate = grid(40, 40, 1.0, 1.0) if seed is None else jittered(grid(40, 40, 1.0, 1.0), seed=seed)
     sheet = waisted(plate, waist)
     before = features(sheet, sheet.material, [""] * 2)
@@ -57,7 +57,7 @@ def test_a_waist_becomes_as_wide_as_asked(waist, seed):
     assert 0 < gain < 1.1 * (WIDTH - waist) * 0.3
 
 
-def test_what_is_wide_enough_and_what_is_as_narrow_everywhere_stays():
+def test_members_that_are_wide_enough_or_evenly_narrow_stay():
     plate = grid(40, 40, 1.0, 1.0)
     wide = waisted(plate, 0.06)
     assert widened_members(wide, wide, WIDTH) == (wide, 0)
@@ -81,7 +81,7 @@ def test_the_end_of_a_member_stays():
     assert widened_members(sheet, sheet, WIDTH) == (sheet, 0)
 
 
-def test_narrow_places_are_told_apart_and_the_narrowest_comes_first():
+def test_narrow_places_are_separate_and_sorted_by_width():
     plate = grid(60, 60, 1.0, 1.0)
     x, y = plate.V[:, :2].T - 0.5
     waists = [0.02 + 0.1 * rise(y - at, 0.18) + more for at, more in ((0.2, 0.01), (-0.2, 0.0))]

@@ -13,7 +13,7 @@ from dsfab.report.design.statics import case_lines
 from dsfab.statics import Elements, Material, SheetModel, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
 from tests.presets import BARREL_VAULT_MODES
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 STEEL = Material(210e9, 0.3, 7850.0)
 PAIRS = [Elements("constant", "hinge"), Elements("constant", "midedge"), Elements("quadratic", "hhj")]

@@ -17,7 +17,7 @@ from dsfab.statics import (
 from dsfab.statics.assembly import angle_gradients, hinges, vertex_pairs
 from dsfab.statics.membrane import corner_strains
 from dsfab.surface import Surface
-from tests.zoo import ZOO
+from tests.shapes import ZOO
 
 STEEL = Material(210e9, 0.3)
 H = 0.02
@@ -28,13 +28,13 @@ def folded_twice() -> Surface:
     return Surface([[0, 0, 0], [1, 0, 0], [0.2, 1, 0]], [[0, 1, 2], [0, 2, 1]])
 
 
-def three_leaves() -> Surface:
+def three_faces_on_an_edge() -> Surface:
     """Three faces on one edge, and a fourth that turns the other way round."""
     V = [[0, 0, 0], [1, 0, 0], [0.4, 1, 0], [0.5, -0.6, 0.7], [0.5, -0.5, -0.8], [1.4, 0.9, 0.2]]
     return Surface(V, [[0, 1, 2], [1, 0, 3], [0, 1, 4], [1, 2, 5]])
 
 
-CASES = {**ZOO, "folded twice": folded_twice, "three leaves": three_leaves}
+CASES = {**ZOO, "folded twice": folded_twice, "three leaves": three_faces_on_an_edge}
 
 
 def long_way(surface: Surface, blocks: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -100,7 +100,7 @@ def test_distinct_numbers_are_numpys(dtype):
     assert np.array_equal(distinct(ends[[1, 0, 1]]), ends)
 
 
-def test_what_is_not_among_indices_is_the_rest():
+def test_the_complement_of_indices_is_complete():
     for taken in ([], [3], [5, 0, 2], range(7)):
         indices = np.array(taken, dtype=np.int64)
         assert np.array_equal(complement(indices, 7), np.setdiff1d(np.arange(7), indices))

@@ -25,7 +25,7 @@ from dsfab.statics import (
 from dsfab.study.comparison import comparison
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, combined_case, load_cases
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 STEEL = Material(210e9, 0.3, 7850.0)
 H = 0.02
@@ -54,7 +54,7 @@ def solved(surface, elements, loads=LOADS, sums=SUMS):
 
 @pairs
 @pytest.mark.parametrize("solver", ["PARDISO", "SuperLU"])
-def test_cases_and_their_combinations_are_what_each_gives_alone(elements, solver, monkeypatch):
+def test_load_cases_and_combinations_equal_separate_solutions(elements, solver, monkeypatch):
     if solver == "PARDISO":
         pytest.importorskip("pypardiso")
     monkeypatch.setattr("dsfab.core.sparse.solver_name", lambda: solver)
@@ -93,7 +93,7 @@ def test_many_cases_are_factorised_once(monkeypatch):
     assert len(count) == 1
 
 
-def test_the_residual_of_a_combination_bounds_the_true_one(monkeypatch):
+def test_the_reported_residual_of_a_combination_bounds_its_true_residual(monkeypatch):
     """A solver that is off by d leaves every case with an error of d, if nothing is refined, and so the sum of two."""
     surface, factorise = grid(4, 4, 1.0, 1.0), factorisation.factorise
 
@@ -128,7 +128,7 @@ def test_all_cases_together_are_the_load_case_without_names(name):
         assert np.array_equal(case.fixed, whole.fixed)
 
 
-def test_a_flat_sheet_is_solved_in_its_plane_only_if_all_cases_lie_in_it():
+def test_a_flat_sheet_is_solved_in_its_plane_if_all_load_cases_act_in_it():
     surface, root = grid(6, 2, 1.0, 0.3), Support(Side("x", "min", 0.2))
     pull, press = Force(Side("x", "max"), (9.0, 0, 0), case="pull"), Force(Side("x", "max"), (0, 0, -9.0), case="press")
     cases = load_cases(surface, [root], [pull, press])
@@ -214,7 +214,7 @@ def test_a_design_of_several_cases_follows_its_combinations(design):
     assert_allclose(design.load.force, sum(cases[n].load.force for n in ("dead", "snow", "wind", "back")), atol=1e-9)
 
 
-def test_another_choice_of_what_to_follow_solves_nothing_again(design):
+def test_another_choice_of_followed_cases_needs_no_new_solution(design):
     seen = {design.diffusion.tensors.major.tobytes()}
     for changes in (
         {"diffusion.follow": "storm"},
@@ -258,7 +258,7 @@ def principal_in_plane(surface, sigma):
     return np.linalg.eigvalsh(axes @ sigma @ axes.transpose(0, 2, 1))[:, ::-1]
 
 
-def test_one_case_is_followed_as_it_is_and_combined_when_asked():
+def test_a_single_load_case_is_followed_alone_and_combined_on_request():
     preset = load_preset(DOME_MODES)
     assert preset.followed_weights == {"load": 1.0}
     assert not preset.combines
@@ -279,7 +279,7 @@ def test_cases_are_written_and_read_again(tmp_path):
     assert load_preset(tmp_path / "again.toml") == preset
 
 
-def test_each_case_tells_its_balance(design):
+def test_each_load_case_reports_its_balance(design):
     told = design_facts(design, dict(design.seconds), [], [])["statics"]
     assert list(told["cases"]) == list(design.statics.cases)
     assert told["followed"] == {"winter": 1.0, "storm": 1.0}
@@ -339,12 +339,12 @@ def test_compliances_of_the_followed_cases_are_added_with_their_weights():
         ({"surface.combination": [{"name": "u", "factor": {}}]}, r"unknown key .*factor; did you mean factors\?"),
     ],
 )
-def test_mistakes_in_the_names_of_cases_are_told(changes, says):
+def test_invalid_names_of_cases_are_refused(changes, says):
     with pytest.raises(PresetError, match=says):
         load_preset(DOME_MODES, {**CASES, **changes})
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_invalid_names_of_cases_are_reported_at_once():
     changes = {**CASES, "surface.combination": [{"name": "u", "factors": {"ded": 1}}], "diffusion.follow": "v"}
     with pytest.raises(PresetError, match=r"factors\.ded = 1.*; diffusion\.follow = 'v'"):
         load_preset(DOME_MODES, changes)

@@ -20,7 +20,6 @@ from dsfab.statics import (
     SheetModel,
     SpreadLoad,
     bending_stiffness,
-    elements_of,
     equilibrium,
     factorisation,
     membrane_stiffness,
@@ -37,56 +36,9 @@ from dsfab.surface.loads.pickers import Boundary, Box
 from dsfab.surface.loads.supports import Support
 from dsfab.verification import TESTS
 from tests.presets import DOME_MODES
-from tests.statics.test_statics import STEEL, H, case
-from tests.zoo import ZOO, grid, jittered, lifted, sphere
-
-BEST, SIX_NODES = elements_of("displacement"), elements_of("six_nodes")
-
-PAIRS = [Elements(m, b) for m in ("constant", "quadratic") for b in ("hinge", "midedge", "hhj")] + [BEST]
-pairs = pytest.mark.parametrize("elements", PAIRS, ids=str)
-
-
-def moebius(around: int = 24, across: int = 3) -> Surface:
-    """A strip glued after half a turn: one piece, not orientable."""
-    i, j = np.meshgrid(np.arange(around), np.arange(across + 1), indexing="ij")
-    turn, side = 2 * np.pi * i / around, j / across - 0.5
-    radius = 1 + 0.6 * side * np.cos(turn / 2)
-    V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0.6 * side * np.sin(turn / 2)], axis=-1).reshape(-1, 3)
-    a = np.arange(around)[:, None] * (across + 1) + np.arange(across)[None, :]
-    b, wrap = a + across + 1, np.arange(around)[:, None] == around - 1
-    b = np.where(wrap, across - np.arange(across)[None, :], b)
-    c = np.where(wrap, across - 1 - np.arange(across)[None, :], a + across + 2)
-    a, b, c, d = a.ravel(), b.ravel(), c.ravel(), a.ravel() + 1
-    return Surface(V, np.concatenate([np.c_[a, b, c], np.c_[a, c, d]]))
-
-
-def three_leaves() -> Surface:
-    """Three sheets that meet in one line, like a girder's web and flange."""
-    leaf = grid(2, 3, 0.4, 1.0)
-    V, F = [], []
-    for k, turn in enumerate((0.0, 2.0, 4.0)):
-        V.append(np.stack([leaf.V[:, 0] * np.cos(turn), leaf.V[:, 1], leaf.V[:, 0] * np.sin(turn)], axis=1))
-        F.append(leaf.F + k * leaf.n)
-    points, of = np.unique(np.concatenate(V).round(12), axis=0, return_inverse=True)
-    return Surface(points, of.reshape(-1)[np.concatenate(F)])
-
-
-def pleat() -> Surface:
-    """Two sheets that fold back onto each other by 170 degrees: their normals have no mean to speak of."""
-    flat = grid(4, 3, 2.0, 1.0)
-    x, turn = flat.V[:, 0] - 1, np.radians(10)
-    return Surface(np.stack([np.abs(x) * np.cos(turn / 2), flat.V[:, 1], x * np.sin(turn / 2)], axis=1), flat.F)
-
-
-SHEETS = {
-    "flat": lambda: jittered(grid(4, 3, 2.0, 1.0)),
-    "dome": lambda: lifted(lambda x, y: 16 * x * (1 - x) * y * (1 - y), cells=4),
-    "closed": lambda: sphere(1),
-    "moebius": moebius,
-    "three leaves": three_leaves,
-    "pleat": pleat,
-}
-sheets = pytest.mark.parametrize("name", list(SHEETS))
+from tests.shapes import ZOO, grid, jittered, lifted, sphere, with_mixed_corners
+from tests.statics.load_cases import STEEL, H, case
+from tests.statics.sheets import BEST, PAIRS, SHEETS, SIX_NODES, pairs, sheets, unknowns
 
 
 def stiffness(surface: Surface, elements: Elements, material: Material = STEEL, thickness: float = 0.05):
@@ -95,27 +47,9 @@ def stiffness(surface: Surface, elements: Elements, material: Material = STEEL, 
     )
 
 
-def unknowns(surface: Surface, elements: Elements, u, rotation=0.0, slope=0.0, bubble=None):
-    """The vector of unknowns from displacements (n, 3), rotations (e,), slopes (e,) and bubbles (e, 3) in space."""
-    count = len(surface.edges.ends)
-    bubble = np.zeros((count, 3)) if bubble is None else bubble
-    framed = dict(
-        zip(("along", "across", "normal"), np.einsum("edx,ex->de", edge_frames(surface), bubble), strict=True)
-    )
-    known = {"rotation": np.broadcast_to(rotation, count), "slope": np.broadcast_to(slope, count), **framed}
-    return np.concatenate([u.ravel(), *(known[name] for name in elements.on_edges)])
-
-
-def flipped(surface: Surface, seed: int = 3) -> Surface:
-    """The same with half of the faces turned over, and every face begun at another corner."""
-    some = np.random.default_rng(seed).random(surface.m) < 0.5
-    F = np.roll(surface.F, 1, axis=1)
-    return Surface(surface.V, np.where(some[:, None], F[:, ::-1], F))
-
-
 @pairs
 @sheets
-def test_exactly_the_six_rigid_motions_cost_nothing(name, elements):
+def test_only_the_six_rigid_motions_have_zero_energy(name, elements):
     """Edges turn with the sheet by w . t, bubbles stay zero. Hinges see only pairs of faces, so three leaves flap."""
     surface = SHEETS[name]()
     K = stiffness(surface, elements).toarray()
@@ -135,8 +69,8 @@ def test_exactly_the_six_rigid_motions_cost_nothing(name, elements):
 
 @pytest.mark.parametrize("elements", [BEST, Elements("quadratic", "midedge"), Elements("constant", "hhj")], ids=str)
 @pytest.mark.parametrize("name", ["dome", "moebius", "three leaves", "pleat"])
-def test_turning_faces_over_changes_nothing(name, elements):
-    surface, other = SHEETS[name](), flipped(SHEETS[name]())
+def test_the_orientation_of_faces_does_not_change_the_solution(name, elements):
+    surface, other = SHEETS[name](), with_mixed_corners(SHEETS[name]())
     held, loaded = surface.V[:, 1] < np.quantile(surface.V[:, 1], 0.3), surface.V[:, 1].argmax()
     load = case(surface, [(held, "xyz")], [(np.arange(surface.n) == loaded, (1e3, 2e3, -3e3))])
     one, two = (solve_statics(SheetModel(s, STEEL, H), load, elements) for s in (surface, other))
@@ -248,10 +182,10 @@ def hub(*degrees: float, order=None) -> Surface:
         ((0, 180, 45, 135), 90),
     ],
 )
-def test_the_normal_of_an_edge_is_the_mean_of_its_faces_or_the_line_nearest_to_them(degrees, normal):
+def test_the_normal_of_an_edge_is_the_mean_or_the_best_line_of_its_face_normals(degrees, normal):
     expected = np.array([np.cos(np.radians(normal)), 0, np.sin(np.radians(normal))])
     for order in (None, np.arange(len(degrees))[::-1]):
-        for surface in (hub(*degrees, order=order), flipped(hub(*degrees, order=order))):
+        for surface in (hub(*degrees, order=order), with_mixed_corners(hub(*degrees, order=order))):
             n = edge_frames(surface)[0, 2]  # edge 0 joins vertices 0 and 1
             assert abs(n @ expected) == pytest.approx(1, abs=1e-5), n
 
@@ -260,11 +194,11 @@ def test_the_normal_of_an_edge_is_the_mean_of_its_faces_or_the_line_nearest_to_t
 def test_the_tie_of_three_leaves_is_broken_by_the_first(start):
     leaves = hub(start, start + 120, start + 240)
     first = leaves.normals[0]
-    for surface in (leaves, flipped(leaves)):
+    for surface in (leaves, with_mixed_corners(leaves)):
         assert abs(edge_frames(surface)[0, 2] @ first) == pytest.approx(1, abs=1e-9)
 
 
-def test_spread_loads_put_on_vertices_what_the_load_case_does():
+def test_spread_loads_give_the_vertex_forces_of_the_load_case():
     surface = ZOO["dome"]()
     loads = [Pressure(1e3), Pressure(-300.0, Box((0, 0, 0), (0.6, 0.6, 9))), SelfWeight((0.0, 1.0, -2.0))]
     built = LoadCase.build(surface, [Support(Boundary())], loads, weight=50.0)
@@ -285,7 +219,7 @@ def test_spread_loads_work_on_bubbles_as_their_integrals_say():
     assert SpreadLoad.broadcast(surface, face=1.0).bubble_forces(surface, PAPER).shape == (3, 0)
 
 
-def test_supports_hold_the_bubbles_of_the_edges_they_run_along():
+def test_supports_hold_the_bubbles_of_their_edges():
     surface = grid(4, 4, 1.0, 1.0)
     ends = surface.edges.ends
     left = surface.V[:, 0] < 1e-9
@@ -313,7 +247,7 @@ def test_a_held_region_holds_its_edges_but_a_held_rim_does_not_hold_the_corners_
     assert np.array_equal(inside.all(axis=1), region[ends].all(axis=1))
 
 
-def cantilever(cells: int = 8):
+def loaded_strip(cells: int = 8):
     surface = grid(4 * cells, cells, 1.0, 0.1)
     root, tip = surface.V[:, 0] < 1e-9, surface.V[:, 0] > 1 - 1e-9
     clamped = root[surface.edges.ends].all(axis=1)
@@ -324,7 +258,7 @@ def cantilever(cells: int = 8):
 @pytest.mark.parametrize("bending", ["midedge", "hhj"])
 def test_a_sheet_held_along_one_line_needs_a_clamp_and_then_bends_like_a_beam(bending):
     """Tip sag P l^3 / (3 E I) with nu = 0; reactions and the clamp's moment balance the load."""
-    surface, load, clamped, spread = cantilever()
+    surface, load, clamped, spread = loaded_strip()
     wood = Material(1e10, 0.0)
     with pytest.raises(StaticsError, match="turn about y"):
         solve_statics(SheetModel(surface, wood, H), load, Elements("quadratic", bending), spread)
@@ -340,7 +274,7 @@ def test_a_sheet_held_along_one_line_needs_a_clamp_and_then_bends_like_a_beam(be
 
 
 def test_hinges_cannot_be_clamped_and_say_so():
-    surface, load, clamped, _ = cantilever(2)
+    surface, load, clamped, _ = loaded_strip(2)
     with pytest.raises(StaticsError, match=r"2 edges are clamped, but `hinge`"):
         solve_statics(SheetModel(surface, STEEL, H, clamped=clamped), load)
     with pytest.raises(StaticsError, match="one value for each"):

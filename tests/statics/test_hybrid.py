@@ -20,8 +20,8 @@ from dsfab.statics import (
 from dsfab.statics.membrane import AIRY, hybrid_rigidity
 from dsfab.surface import Surface
 from dsfab.verification import TESTS
-from tests.statics.test_statics import STEEL, H, case
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
+from tests.statics.load_cases import STEEL, H, case
 
 BEST, SIX_NODES = elements_of("displacement"), elements_of("six_nodes")
 
@@ -69,7 +69,7 @@ def test_every_stress_is_in_equilibrium_and_compatible():
     assert np.linalg.matrix_rank(membrane.STRESSES.reshape(18, -1)) == len(AIRY) == 11
 
 
-def test_it_is_never_stiffer_than_the_quadratic_triangle_and_never_collapses(monkeypatch):
+def test_the_hybrid_triangle_is_softer_than_the_quadratic_one_and_never_singular(monkeypatch):
     assert weakest(triangles(EQUILATERAL, RIGHT)) > 0.15
     assert weakest(triangles(*SHAPES)) > 0.1
     # one pair of quartic stresses would do on most triangles, and lets the right isosceles one collapse
@@ -78,7 +78,7 @@ def test_it_is_never_stiffer_than_the_quadratic_triangle_and_never_collapses(mon
     assert weakest(triangles(RIGHT)) == pytest.approx(0, abs=1e-9)
 
 
-def test_with_all_linear_stresses_it_is_the_quadratic_triangle(monkeypatch):
+def test_the_hybrid_triangle_with_linear_stresses_is_the_quadratic_triangle(monkeypatch):
     linear = np.zeros((6, 3, 9))
     for k in range(9):
         linear[k // 3, k % 3, k] = 1
@@ -138,7 +138,7 @@ def test_distorted_beams_one_cell_wide_keep_a_third_of_the_quadratic_triangles_e
     assert problem.unknowns(SIX_NODES) == problem.unknowns(BEST)
 
 
-def test_incompressible_sheets_do_not_lock_it():
+def test_the_hybrid_triangle_does_not_lock_for_incompressible_sheets():
     """Plane strain at a Poisson's ratio near a half: bent in its plane, the deflection hardly falls behind."""
     surface = jittered(grid(12, 2, 6.0, 1.0))
     left, right = surface.V[:, 0] < 1e-9, surface.V[:, 0] > 6 - 1e-9

@@ -6,7 +6,7 @@ import pytest
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Material, SheetModel, elements_of, solve_cases, solve_for
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import lifted
+from tests.shapes import lifted
 
 
 def bent_sheet(gap: float) -> SheetModel:
@@ -26,7 +26,7 @@ def pressed(surface: Surface, held: float) -> dict[str, LoadCase]:
     return {"load": LoadCase(np.repeat((x < x.min() + held)[:, None], 3, axis=1), force, end)}
 
 
-def test_needles_are_solved_by_elements_that_bear_them():
+def test_needle_triangles_are_solved_by_robust_elements():
     whole, spoilt = bent_sheet(1.0), bent_sheet(1e-5)
     loads = pressed(spoilt.surface, 0.15)
     with pytest.raises(StaticsError):

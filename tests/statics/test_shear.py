@@ -7,11 +7,10 @@ from numpy.testing import assert_allclose
 from dsfab.statics import Elements, ShearRecovery, section_forces
 from dsfab.surface import Surface
 from dsfab.surface.fields import hat_gradients, tangents
-from tests.members.test_section_forces import carried, forces_of, short_tube
-from tests.statics.test_elements import flipped
-from tests.statics.test_modes import hold, order, rim
-from tests.statics.test_stress import BEST, H, solved
-from tests.zoo import ZOO, grid, jittered, moebius
+from tests.members.loaded_shells import carried, forces_of, short_tube
+from tests.shapes import ZOO, disc, grid, jittered, moebius, tube, windows, with_mixed_corners
+from tests.statics.stresses import BEST, H, solved
+from tests.statics.supports import hold, order, rim
 
 CONSTANT = Elements("quadratic", "midedge")
 
@@ -46,14 +45,6 @@ def test_a_supported_plate_has_naviers_shear_everywhere():
     assert errors[-1] < 3.5e-3
 
 
-def disc(cells):
-    """Of radius 1, out of a square grid whose squares around the middle become circles."""
-    flat = grid(cells, cells, 2.0, 2.0)
-    V = flat.V - (1, 1, 0)
-    r = np.linalg.norm(V, axis=1)
-    return Surface(V * (np.abs(V).max(axis=1) / np.where(r > 0, r, 1))[:, None], flat.F)
-
-
 def test_a_clamped_disc_has_half_of_pressure_times_radius():
     """q = p r / 2 by equilibrium alone."""
     errors = []
@@ -68,10 +59,7 @@ def test_a_clamped_disc_has_half_of_pressure_times_radius():
 
 def test_a_tube_pressed_apart_at_its_rim_has_the_shear_of_its_edge_zone():
     """q = F exp(-b z) (cos b z - sin b z), b^4 = 3 (1 - nu^2) / (R h)^2 [Timoshenko and Woinowsky-Krieger, 114]."""
-    around, thickness = grid(48, 24, 2 * np.pi, 0.6), 0.02
-    V = np.stack([np.cos(around.V[:, 0]), np.sin(around.V[:, 0]), around.V[:, 1]], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    s = Surface(V[first], of.reshape(-1)[around.F])
+    s, thickness = tube(48, 24, 1.0, 0.6), 0.02
     top = s.V[:, 2] > 0.6 - 1e-9
     out = s.V[s.edges.ends].mean(axis=1) * (1, 1, 0)
     edge = (top[s.edges.ends].all(axis=1) & s.edges.boundary)[:, None] * 1e3 * out
@@ -82,20 +70,10 @@ def test_a_tube_pressed_apart_at_its_rim_has_the_shear_of_its_edge_zone():
     assert error(s, in_space(found)[:, 2:], -exact[:, None]) < 0.04
 
 
-def ribs(cells=24, width=2):
-    """A plate with square windows, ribs `width` faces wide between them, on irregular triangles."""
-    even = grid(cells, cells, 1.0, 1.0)
-    square = np.floor(even.centroids[:, :2] * cells).astype(int)
-    kept = even.F[((square % 6 < width) | (square >= cells - width)).any(axis=1)]
-    s = jittered(even)
-    used, F = np.unique(kept, return_inverse=True)
-    return Surface(s.V[used], F.reshape(-1, 3))
-
-
 @pytest.mark.parametrize("elements", [BEST, CONSTANT], ids=str)
 def test_all_shear_passes_through_ribs_of_a_few_faces(elements):
     """Slopes of averaged moments lost 4 to 40 % of it there: sections across a plate with windows, on one edge."""
-    s = ribs()
+    s = jittered(windows())
     held = s.V[:, 0] < 1e-9
     found = forces_of(s, hold(s, (held, "xyz")), elements, face=(0, 0, -1e3), clamped=held[s.edges.ends].all(axis=1))
     for low, high in ((0.1, 0.3), (0.3, 0.35), (0.7, 0.75), (0.55, 0.95)):
@@ -137,7 +115,7 @@ def test_errors_of_moments_on_splinters_show_little_in_the_shear():
 def test_a_face_that_is_turned_over_has_its_shear_with_the_other_sign():
     s = with_splinters(jittered(grid(6, 6, 1.0, 1.0)))
     fixed = hold(s, (np.ones(s.n, dtype=bool), "xy"), (rim(s), "z"))
-    turned = flipped(s)
+    turned = with_mixed_corners(s)
     side = np.sign(turned.normals[:, 2])[:, None]
     assert (side < 0).any()
     known, other = (in_space(forces_of(one, fixed, face=(0, 0, -1e3))) for one in (s, turned))
@@ -148,7 +126,7 @@ def test_a_strip_without_two_sides_has_shear_of_one_size_on_both():
     s = moebius(24, 3)
     _, stress = solved(s, hold(s, (s.V[:, 0] > s.V[:, 0].max() - 0.3, "xyz")), BEST, face=(0, 0, -1e3))
     known = in_space(section_forces(s, H, stress))
-    turned = flipped(s)
+    turned = with_mixed_corners(s)
     _, stress = solved(turned, hold(s, (s.V[:, 0] > s.V[:, 0].max() - 0.3, "xyz")), BEST, face=(0, 0, -1e3))
     side = np.sign(np.einsum("mx,mx->m", s.normals, turned.normals))[:, None]
     assert_allclose(side * in_space(section_forces(turned, H, stress)), known, atol=1e-3 * np.abs(known).max())

@@ -23,8 +23,8 @@ from dsfab.statics import (
 )
 from dsfab.statics.elements import assemble_blocks, edge_frames
 from dsfab.statics.factorisation import refined_solution, stiffness_factor
-from tests.statics.test_statics import STEEL
-from tests.zoo import ZOO, zoo
+from tests.shapes import ZOO, zoo
+from tests.statics.load_cases import STEEL
 
 PAIRS = ["constant+hinge", "quadratic+midedge", "quadratic+hhj"]
 
@@ -71,7 +71,7 @@ def true_residual(long, solver, b, x):
     return r, solver(r)
 
 
-def test_refinement_reaches_what_double_precision_cannot():
+def test_iterative_refinement_exceeds_double_precision():
     """Condition 1e11, in the norm of the energy."""
     if np.finfo(np.longdouble).eps > 1e-17:
         pytest.skip("this machine has no numbers longer than double")
@@ -133,7 +133,7 @@ def test_bench_measures_the_parts_of_the_statics(capsys):
 
 
 @pytest.mark.parametrize("text", ["many", "10", "1000,,2000"])
-def test_bench_refuses_what_is_no_list_of_sizes(text):
+def test_bench_refuses_an_invalid_list_of_sizes(text):
     with pytest.raises(DsfabError, match="--vertices"):
         bench.bench("dome", work=bench.Workload(vertices=text, stages="statics"))
 

@@ -62,7 +62,7 @@ def task_of(design):
     return ComparisonTask.from_design(design, slicing.sheet.surface.area), own
 
 
-def test_a_sheet_beside_a_thinner_one_in_its_plane_loses_what_its_stretch_says(pulled):
+def test_a_thinner_plane_sheet_loses_stiffness_in_proportion(pulled):
     """The uncut plate, F^2 L / (E t w), at half of the thickness is twice as soft: beside the plate itself as `own` a
     task of half of its mass has the ratio 1/2, and no cut sheet of half of the mass is under 1."""
     task, own = task_of(pulled)
@@ -167,7 +167,7 @@ def test_a_design_that_loses_says_so_first(pulled, tmp_path, capsys):
     assert [one["name"] for one in results["alternatives"]] == ["thinner", "isotropic"]
 
 
-def test_the_first_thing_in_a_report_is_what_a_design_loses_to(pulled, monkeypatch):
+def test_a_report_begins_with_the_better_alternative(pulled, monkeypatch):
     found = Findings(dsfab.compare(pulled, ("thinner",), level="quick"), (), "")
     monkeypatch.setattr(sections.tables, "key_table", lambda *_: None)
     drawn = SimpleNamespace(design=lambda *_: None)
@@ -197,7 +197,7 @@ def test_sweeps_can_measure_both(pulled):
 
 
 @pytest.mark.slow
-def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys):
+def test_a_search_reports_first_the_alternative_that_beats_its_best_run(pulled, tmp_path, capsys):
     path, folder = tmp_path / "pulled.toml", tmp_path / "sweep"
     path.write_text(preset_toml(pulled.resolved_preset))
     ask = ["--vary", "pattern.rim=0.05:0.06", "--optimise", "sheet_mass", "--evaluations", "1", "--keep", "nothing"]
@@ -210,7 +210,7 @@ def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys
     assert second == "1 runs: 1 done, 0 failed"
 
 
-def test_the_worst_loss_is_told_first_and_what_is_too_close_is_told_as_such():
+def test_the_line_of_losses_begins_with_the_worst_and_marks_close_results():
     sure, close = Alternative("thinner", 1.4, 1.3, 1.5, "level"), Alternative("isotropic", 1.5, 0.9, 2.0, "level")
     won, none = replace(sure, over=0.9), Alternative("isotropic", 0.0, 0.0, 0.0, "level", error="falls apart")
     assert losing_line([won, none]) == ""
@@ -220,7 +220,7 @@ def test_the_worst_loss_is_told_first_and_what_is_too_close_is_told_as_such():
     assert json.loads(json.dumps(lost.record(), allow_nan=False))["over"] is None
 
 
-def test_alternatives_that_carry_nothing_are_told_and_win_nothing(pulled, monkeypatch):
+def test_alternatives_that_carry_no_load_are_listed_and_do_not_win(pulled, monkeypatch):
     task, own = task_of(pulled)
 
     def refused(self, mode, phase):
@@ -240,7 +240,7 @@ def fresh(design, known):
     return other
 
 
-def test_a_design_that_carries_nothing_loses_to_what_does(pulled, monkeypatch):
+def test_a_design_that_carries_no_load_loses_to_any_alternative(pulled, monkeypatch):
     task, own = task_of(pulled)
 
     def falls(task, structure):

@@ -72,7 +72,7 @@ def same(one: object, two: object) -> None:
     assert np.array_equal(np.asarray(one), np.asarray(two))
 
 
-def test_what_was_kept_comes_back(design, tmp_path):
+def test_an_archived_design_reads_back_equal(design, tmp_path):
     path = write_archive(design, tmp_path)
     back = read_archive(tmp_path, design.preset)
     assert path == tmp_path / NAME
@@ -103,7 +103,7 @@ def test_the_same_design_gives_the_same_archive(design, tmp_path):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
-def test_the_folder_delivers_what_the_design_does(suffix, design, back, tmp_path):
+def test_an_archived_folder_exports_the_files_of_the_design(suffix, design, back, tmp_path):
     if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
         (one, how), (two, other) = (deliverable(x, suffix) for x in (design, back))
         same(one.V, two.V)
@@ -160,7 +160,7 @@ def a_stage_ran(capsys, *words: str) -> bool:
     return "AssertionError: a stage ran" in text
 
 
-def test_step_options_leave_the_design_as_it_is_and_others_make_it_again(folder, poisoned, tmp_path, capsys):
+def test_an_export_runs_stages_again_only_for_keys_of_the_design(folder, poisoned, tmp_path, capsys):
     target = ["-o", str(tmp_path / "a.obj")]
     assert main(["export", str(folder), *target, "--step", "faceted", "--max-faces", "9"]) == 0
     for change in ("statics.thickness=0.02", "pattern.major.frequency=5", "slicing.snap=0.0"):

@@ -52,7 +52,7 @@ def test_competitors_have_the_names_that_the_command_and_its_reports_know():
 
 
 @pytest.mark.parametrize("name", sorted(BASELINES))
-def test_every_baseline_has_the_mass_asked_for_and_what_is_kept(task, name):
+def test_each_baseline_has_the_requested_mass_and_the_kept_regions(task, name):
     structure = stiff(BASELINES[name](task))
     area, thickness = structure.sheet.surface.area, task.preset.statics.thickness
     assert area * structure.thickness == pytest.approx(task.area * thickness, rel=SAME_MASS)
@@ -93,7 +93,7 @@ def test_tensors_turn_on_curved_surfaces_too():
     assert turned_tensors(ball.surface, once, np.pi / 4).major == pytest.approx(ball.diffusion.tensors.minor, abs=1e-9)
 
 
-def test_a_grid_follows_the_longest_axis_first_and_the_load_where_there_is_none(task):
+def test_a_grid_follows_the_principal_axes_or_the_load(task):
     assert np.abs(principal_axes(task)) == pytest.approx(np.eye(3)[:2], abs=1e-3)
     ball = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     assert np.abs(principal_axes(ComparisonTask.from_design(ball, 1.0))[0]) == pytest.approx([0, 0, 1], abs=0.05)
@@ -127,7 +127,7 @@ def test_more_is_drawn_where_loose_pieces_are_dropped(task):
         matched_structure(task, lambda task, share, tolerance: drawing(task, 0.3, 1e-4))
 
 
-def test_competitors_are_tidied_as_they_are_drawn_and_not_as_the_design_is(made, task, monkeypatch):
+def test_competitors_on_modes_keep_their_loose_ends(made, task, monkeypatch):
     """Stripes that do not follow the stress of an evenly striped design would be taken off as astray of it."""
     tidied = replace(task, preset=task.preset.with_pattern(method="stripes"))
     assert tidied.preset.pattern.removes_loose_ends
@@ -157,7 +157,7 @@ def test_more_material_is_stiffer_for_all_and_all_have_the_same(made):
     assert less.full.compliance == more.full.compliance
 
 
-def test_a_design_that_does_not_carry_at_a_share_is_told_beside_its_competitors(made):
+def test_a_design_that_fails_at_a_share_is_listed_with_its_competitors(made):
     pattern = {"rim": 0.0, "keep": 0.03, "minor": {"frequency": 2.0, "phase": 0.5}, "major": {"frequency": 2.0}}
     thin = draft(dsfab.load_preset("cantilever", {**CHANGES, "pattern": pattern}))
     found = compare_at(thin, 0.08, ["thinner"])

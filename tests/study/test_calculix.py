@@ -21,7 +21,7 @@ from dsfab.verification import TESTS
 from dsfab.verification.problems import Problem
 from tests.calculix import ccx, needs_ccx
 from tests.meshes import mesh_file
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered, quartered
 
 BEST = elements_of("displacement")
 
@@ -38,13 +38,6 @@ def ccx_value(problem: Problem, folder, element: str) -> float:
     model = six_node_model(sheet, {"SUPPORT_1": problem.fixed}, {"load": force}, element=element)
     u = ccx(model, folder)[0].u[: surface.n]
     return problem.value(Equilibrium(u, np.zeros((surface.n, 3)), 0.0, 0.0))
-
-
-def in_four(surface: Surface) -> Surface:
-    """Every triangle in four on the same flat facets."""
-    V, T = check_model.six_node_triangles(surface)
-    a, b, c, ab, bc, ca = T.T
-    return Surface(V, np.concatenate([np.c_[a, ab, ca], np.c_[b, bc, ab], np.c_[c, ca, bc], np.c_[ab, bc, ca]]))
 
 
 def difference(ours: np.ndarray, theirs: np.ndarray) -> float:
@@ -108,8 +101,8 @@ def test_roofs_under_their_own_weight_agree_with_six_node_shells(name, thickness
     """
     surface = read_surface(mesh_file(name))
     for _ in range(rounds - 1):
-        surface = in_four(surface)
-    coarse, fine = (np.abs(shells(s, thickness, Support(support), tmp_path)) for s in (surface, in_four(surface)))
+        surface = quartered(surface)
+    coarse, fine = (np.abs(shells(s, thickness, Support(support), tmp_path)) for s in (surface, quartered(surface)))
     assert (fine < 0.03).all()
     assert (fine < coarse / 2).all()
 

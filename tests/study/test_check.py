@@ -18,14 +18,14 @@ from dsfab.study.file_check import Clearance, Clearances, FileContents, check_fi
 from dsfab.study.file_check.file_geometry import clearances, distance
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
-from tests.shipped import PLATE, box, joined, preset, stl, verdicts
+from tests.shipped import PLATE, box_mesh, joined_meshes, preset, stl, verdicts
 
 
 def kinds(checked):
     return {fault.kind: fault.count for fault in checked.soundness.faults}
 
 
-def test_a_box_measures_what_it_measures(tmp_path):
+def test_the_check_of_a_box_gives_its_exact_measures(tmp_path):
     checked = check_file(stl(tmp_path / "a.stl", *PLATE), density=7850.0)
     assert checked.has_passed
     assert checked.soundness.watertight
@@ -37,8 +37,8 @@ def test_a_box_measures_what_it_measures(tmp_path):
     assert verdicts(checked) == {"solid": "pass", "unit": "pass"}
 
 
-def test_walls_and_gaps_of_two_boxes_are_where_they_are():
-    two = joined(box((0, 0, 0), (1, 1, 0.02)), box((0, 0, 0.023), (1, 1, 0.03)))
+def test_walls_and_gaps_of_two_boxes_are_located_exactly():
+    two = joined_meshes(box_mesh((0, 0, 0), (1, 1, 0.02)), box_mesh((0, 0, 0.023), (1, 1, 0.03)))
     found = clearances(*two)
     assert found.wall.size == pytest.approx(0.007)
     assert found.wall.place[2] == pytest.approx(0.023) or found.wall.place[2] == pytest.approx(0.03)
@@ -48,8 +48,8 @@ def test_walls_and_gaps_of_two_boxes_are_where_they_are():
 
 
 def test_a_hollow_box_is_one_piece_and_its_void_a_gap():
-    V, F = box((0.1, 0.1, 0.1), (0.9, 0.9, 0.9))
-    hollow = joined(box((0, 0, 0), (1, 1, 1)), (V, F[:, ::-1]))
+    V, F = box_mesh((0.1, 0.1, 0.1), (0.9, 0.9, 0.9))
+    hollow = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), (V, F[:, ::-1]))
     found = soundness(*hollow)
     assert found.sound
     assert (found.pieces, found.shells) == (1, 2)
@@ -58,7 +58,7 @@ def test_a_hollow_box_is_one_piece_and_its_void_a_gap():
     assert clearances(*hollow).wall.size == pytest.approx(0.1)
 
 
-def test_a_hole_is_told_with_its_place(tmp_path, capsys):
+def test_a_hole_is_reported_with_its_place(tmp_path, capsys):
     V, F = PLATE
     top = (V[F][:, :, 2] == 0.01).all(axis=1)
     path = stl(tmp_path / "hole.stl", V, F[~top | (np.cumsum(top) > 1)])
@@ -73,7 +73,7 @@ def test_a_hole_is_told_with_its_place(tmp_path, capsys):
     assert "is it a solid      fail" in text
 
 
-def test_flipped_faces_are_told_one_or_all(tmp_path):
+def test_one_flipped_face_and_an_inside_out_solid_are_reported(tmp_path):
     V, F = PLATE
     one = F.copy()
     one[3] = one[3, ::-1]
@@ -81,16 +81,16 @@ def test_flipped_faces_are_told_one_or_all(tmp_path):
     assert kinds(check_file(stl(tmp_path / "all.stl", V, F[:, ::-1]))) == {"inside_out": 1}
 
 
-def test_two_boxes_that_cross_or_touch_are_told(tmp_path):
-    crossing = joined(box((0, 0, 0), (1, 1, 1)), box((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
+def test_crossing_and_touching_boxes_are_reported(tmp_path):
+    crossing = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), box_mesh((0.5, 0.4, 0.3), (1.5, 0.6, 0.7)))
     checked = check_file(stl(tmp_path / "cross.stl", *crossing))
     assert set(kinds(checked)) == {"crossing"}
     assert checked.soundness.watertight
-    along = joined(box((0, 0, 0), (1, 1, 1)), box((1, 1, 0), (2, 2, 1)))
+    along = joined_meshes(box_mesh((0, 0, 0), (1, 1, 1)), box_mesh((1, 1, 0), (2, 2, 1)))
     assert kinds(check_file(stl(tmp_path / "touch.stl", *along)))["crowded"] >= 1
 
 
-def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
+def test_a_file_in_metres_gives_a_warning(tmp_path, capsys):
     path = stl(tmp_path / "metres.stl", *PLATE, metres=1.0)
     assert verdicts(check_file(path))["unit"] == "fail"
     assert check_file(path, unit="m").has_passed
@@ -112,7 +112,7 @@ def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
         ("text.stl", b"solid nothing\nendsolid", "no faces"),
     ],
 )
-def test_what_cannot_be_read_is_one_sentence(tmp_path, capsys, name, content, words):
+def test_an_unreadable_file_is_refused_in_one_sentence(tmp_path, capsys, name, content, words):
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -125,7 +125,7 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, capsys, name, content, wo
     assert not said.out
 
 
-def test_of_a_folder_a_file_in_it_is_named(tmp_path, capsys):
+def test_a_folder_is_refused_with_the_name_of_a_file_in_it(tmp_path, capsys):
     assert main(["check", str(tmp_path), "-q"]) == 1
     assert "is a folder; `dsfab check` reads .stl, .3mf" in capsys.readouterr().err
     stl(tmp_path / "roof.stl", *PLATE)
@@ -173,7 +173,9 @@ def test_a_shifted_a_thicker_and_a_partial_file_are_not_the_design(design, tmp_p
     assert moved.distance.from_design == pytest.approx(0.002, rel=1e-3)
     thick = check_file(stl(tmp_path / "thick.stl", V * (1, 1, 1.5), F), design, solid=False)
     assert thick.distance.skin_mean == pytest.approx(0.0025, rel=1e-3)
-    part = check_file(stl(tmp_path / "part.stl", *box(V.min(axis=0), (0, *V.max(axis=0)[1:]))), design, solid=False)
+    part = check_file(
+        stl(tmp_path / "part.stl", *box_mesh(V.min(axis=0), (0, *V.max(axis=0)[1:]))), design, solid=False
+    )
     assert part.distance.from_design == pytest.approx(V[:, 0].max(), rel=1e-3)
     assert {verdicts(x)["design"] for x in (moved, thick, part)} == {"fail"}
 
@@ -209,7 +211,7 @@ def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_
     )
 
 
-def test_without_the_extra_the_solid_part_says_how_to_get_it(design, tmp_path, monkeypatch):
+def test_without_the_check_extra_the_error_names_the_package_to_install(design, tmp_path, monkeypatch):
     import importlib.util
 
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
@@ -251,7 +253,7 @@ def test_planar_faces_may_be_simplified_and_curved_ones_are_off_by_chords(design
 
 
 @pytest.mark.slow
-def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_path, monkeypatch):
+def test_check_accepts_a_smooth_file_of_a_coarse_mesh_as_build_does(tmp_path, monkeypatch):
     """It is farther off the mesh than a twentieth of the thickness: the mesh cuts the vault's curve short. That OCCT
     does not cut it is told, and no fault of the solid."""
     monkeypatch.setattr(file_check, "cut_fault", lambda path, faces: (f"{faces} faces", []))
@@ -267,7 +269,7 @@ def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("gap", "sound"), [(0.1, True), (-0.1, False)])
-def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_path, gap, sound):
+def test_crossing_chords_of_a_step_file_are_refined_before_a_fault_is_reported(tmp_path, gap, sound):
     """A pin in a tube of .4 m, narrower or wider by .1 mm, and turned: chords of the tube reach into the pin."""
     from build123d import Axis, Compound, Cylinder, export_step
 
@@ -282,12 +284,12 @@ def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_pat
     assert bool(fault) == (not sound)
 
 
-def test_surfaces_that_touch_in_a_point_are_told_and_sound():
-    V, F = box((0, 0, 0), (1, 1, 1))
-    W, G = box((1, 1, 1), (2, 2, 2))
+def test_surfaces_that_touch_in_a_point_are_sound_with_a_note():
+    V, F = box_mesh((0, 0, 0), (1, 1, 1))
+    W, G = box_mesh((1, 1, 1), (2, 2, 2))
     both = Surface(V, F), Surface(W, G)
     assert all(surface.is_closed for surface in both)
-    V, F = joined((V, F), (W, G))
+    V, F = joined_meshes((V, F), (W, G))
     points, of = np.unique(V, axis=0, return_inverse=True)
     found = soundness(points, of.reshape(-1)[F])
     assert found.pinches == 1

@@ -21,7 +21,7 @@ from dsfab.study.file_check.solid_compliance import (
     missing_packages,
     tetrahedra,
 )
-from tests.shipped import PLATE, box, preset, stl, verdicts
+from tests.shipped import PLATE, box_mesh, preset, stl, verdicts
 
 pytestmark = pytest.mark.skipif(
     any(importlib.util.find_spec(name) is None for name in ("gmsh", "skfem")), reason='pip install "dsfab[solid]"'
@@ -63,7 +63,7 @@ def test_forces_keep_their_resultant_and_moment(tmp_path):
 
 def test_a_bar_is_pulled_by_its_closed_form(tmp_path):
     """C = F^2 l / (E A); Poisson's ratio 0, so that a held end strains no further."""
-    solid = model(tmp_path, box((0, 0, 0), (0.4, 0.04, 0.02)), 0.04, poisson=0.0)
+    solid = model(tmp_path, box_mesh((0, 0, 0), (0.4, 0.04, 0.02)), 0.04, poisson=0.0)
     start = solid.points[np.isclose(solid.points[:, 0], 0.0)]
     y, z = (np.arange(16) + 0.5) / 16 * 0.04, (np.arange(8) + 0.5) / 8 * 0.02
     end = np.array([(0.4, b, c) for b in y for c in z])
@@ -76,7 +76,7 @@ def test_a_bar_is_pulled_by_its_closed_form(tmp_path):
 def test_a_plate_bends_by_its_closed_form(tmp_path):
     """Simply supported square plate under even pressure [Navier 1823]: C = q^2 a^6 / D times a double series."""
     a, t, q, nu = 0.4, 0.01, 1e4, 0.3
-    solid = model(tmp_path, box((0, 0, 0), (a, a, t)), 2 * t)
+    solid = model(tmp_path, box_mesh((0, 0, 0), (a, a, t)), 2 * t)
     s = np.linspace(0, a, 41)
     rim = np.concatenate([lattice(s, (0, a), t / 2), lattice((0, a), s[1:-1], t / 2)])
     middles = (s[1:] + s[:-1]) / 2

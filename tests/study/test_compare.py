@@ -22,7 +22,7 @@ from dsfab.study.comparison import comparison
 from dsfab.study.judges import quick
 from dsfab.surface import LoadCase
 from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
-from tests.zoo import grid
+from tests.shapes import grid
 
 CHANGES = {"surface.edge": 0.05}
 
@@ -50,7 +50,7 @@ def test_a_comparison_is_shown_in_a_line_each(compared):
     assert repr(lost).splitlines()[-1].split() == ["grid", "does", "not", "carry", "the", "loads"]
 
 
-def test_handed_over_loads_keep_their_resultant_and_supports_hold_what_is_left(cantilever):
+def test_loads_on_the_cut_sheet_keep_their_resultant(cantilever):
     load = sheet_load(cantilever.surface, cantilever.sheet, cantilever.load)
     assert load.force.sum(axis=0) == pytest.approx(cantilever.load.force.sum(axis=0), rel=1e-12)
     held = cantilever.sheet.surface.V[load.supported]
@@ -75,7 +75,7 @@ def test_a_load_far_from_all_material_is_refused_and_so_is_a_sheet_without_suppo
         sheet_load(plate, right, LoadCase(fixed, force, x > 0.99))
 
 
-def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and_compare():
+def test_build_and_compare_report_a_load_on_an_unsupported_piece():
     """Thin stripes that pass the disc around the load: its own piece is dropped, however near the rest is."""
     thin = {"threshold": 0.8, "frequency": 4.0}
     pattern = {"keep": 0.05, "major": thin, "minor": thin}
@@ -88,7 +88,7 @@ def test_a_load_on_a_piece_that_reaches_no_support_is_lost_and_told_by_build_and
         comparison(design, against=())
 
 
-def test_only_concentrated_loads_are_lost_with_a_piece_and_only_more_than_a_hundredth_of_them():
+def test_a_lost_piece_loses_concentrated_loads_over_one_percent():
     plate = grid(10, 10, 1.0, 1.0)
     x = plate.V[:, 0]
     drawn = cut(plate, [x], [[-1.0, 0.35, 0.65]]).subset()
@@ -102,7 +102,7 @@ def test_only_concentrated_loads_are_lost_with_a_piece_and_only_more_than_a_hund
     assert lost_load(plate, drawn, left, [replace(load, force=weak, loaded=(x > 0.99) | (x < 0.01))]) == ""
 
 
-def test_a_complete_sheet_cut_into_cells_is_as_stiff_as_the_uncut_one(cantilever):
+def test_a_complete_sheet_cut_into_cells_has_the_stiffness_of_the_uncut_sheet(cantilever):
     """Slivers of the cut cost conditioning, not accuracy."""
     surface, statics = cantilever.surface, cantilever.preset.statics
     cells = cut(surface, cantilever.pattern.fields, cantilever.pattern.levels, 0.05)
@@ -140,7 +140,7 @@ def test_the_cantilever_is_stiffer_than_structures_that_do_not_know_the_stress(c
     assert (spread.tried, spread.carried) == (6, 6)  # pairs of three modes, for both families are striped alike
 
 
-def test_what_is_told_of_a_structure_is_in_equilibrium_with_its_loads(cantilever, compared):
+def test_the_reactions_of_each_competitor_balance_its_loads(cantilever, compared):
     for one in compared.competitors:
         (case,) = one.judgement.cases.values()
         assert np.sum(case.reactions, axis=0) == pytest.approx(-cantilever.load.force.sum(axis=0), abs=1e-3)
@@ -163,7 +163,7 @@ def test_the_full_sheet_moves_most_under_its_load_and_a_strength_is_compared(can
 
 
 @pytest.mark.slow
-def test_any_judge_may_take_the_place_of_the_quick_one(cantilever):
+def test_compare_accepts_another_judge(cantilever):
     seen = []
 
     def strict(task, structure):
@@ -176,7 +176,7 @@ def test_any_judge_may_take_the_place_of_the_quick_one(cantilever):
     assert all(row["bound"] == 0.01 for row in compared.record()["competitors"])
 
 
-def test_the_record_is_plain_and_its_ratios_are_those_of_the_compliances(compared):
+def test_the_record_holds_plain_numbers_with_ratios_of_compliances(compared):
     rows = {row["name"]: row for row in json.loads(json.dumps(compared.record(), allow_nan=False))["competitors"]}
     assert rows["full"]["ratio_to_full"] == rows["design"]["ratio_to_design"] == 1
     iso = rows["isotropic"]
@@ -188,7 +188,7 @@ def test_the_record_is_plain_and_its_ratios_are_those_of_the_compliances(compare
 
 
 @pytest.mark.slow
-def test_competitors_that_fall_apart_are_told_and_do_not_count():
+def test_competitors_that_fall_apart_are_listed_and_do_not_count():
     """Stripes of one field on a sphere are rings that do not touch."""
     sphere = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))
     compared = compare_at(sphere, 0.5, ["von_mises"])
@@ -205,7 +205,7 @@ def test_a_name_of_no_competitor_is_refused(cantilever):
         comparison(cantilever, ["isotropc"])
 
 
-def test_frequency_and_buckling_of_the_full_sheet_are_those_of_its_statics():
+def test_frequency_and_buckling_of_the_full_sheet_equal_its_statics():
     """The most accurate elements answer for both; buckling differs by the membrane stress of the quick ones."""
     made = draft(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "statics.frequencies": 1, "statics.buckling": 1}))
     task = ComparisonTask.from_design(made, made.surface.area / 2)

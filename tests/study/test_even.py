@@ -127,7 +127,7 @@ def test_lines_of_a_design_have_names_of_their_own(dome):
         *(pytest.param(suffix, marks=pytest.mark.slow) for suffix in (".dxf", ".3dm", ".lines.step")),
     ],
 )
-def test_every_format_of_lines_takes_them(suffix, dome, tmp_path):
+def test_all_line_formats_write_evenly_spaced_stripes(suffix, dome, tmp_path):
     """Each is read back as it is written; of two the layers are counted again here."""
     thing, how = deliverable(dome, suffix)
     path = write(thing, tmp_path / f"dome{suffix}", name="dome", **how)
@@ -321,6 +321,6 @@ def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
         ({"pattern.method": "stripe"}, r"pattern\.method = 'stripe': should be .* did you mean stripes"),
     ],
 )
-def test_what_is_typed_wrong_is_told_in_a_sentence(changes, told):
+def test_a_mistyped_value_is_refused_in_one_sentence(changes, told):
     with pytest.raises(DsfabError, match=told):
         design.draft(load_preset(DOME_MODES, SMALL | changes))

@@ -22,13 +22,13 @@ from dsfab.slicing.measures.widths import features, kept_cells
 from dsfab.study.fabrication import fabrication, fixed_design, refusals, require_fit
 from tests.meshes import mesh_file
 from tests.presets import GLOBE_MODES
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 SMALL = {"surface.edge": 0.05, "statics.thickness": 0.01}
 
 
 @pytest.fixture(scope="module")
-def plate():
+def cantilever():
     return dsfab.run(dsfab.load_preset("cantilever", SMALL))
 
 
@@ -40,19 +40,21 @@ def verdicts(design) -> dict[str, str]:
     return {check.name: check.verdict for check in fabrication(design).checks}
 
 
-def test_limits_change_nothing_but_the_report(plate):
-    limited = with_limits(plate, min_member=0.01)
-    assert limited.solid is plate.solid
-    assert fabrication(plate).checks == ()
+def test_limits_change_nothing_but_the_report(cantilever):
+    limited = with_limits(cantilever, min_member=0.01)
+    assert limited.solid is cantilever.solid
+    assert fabrication(cantilever).checks == ()
     assert verdicts(limited).keys() == {"min_member"}
 
 
-def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(plate):
+def test_workshop_limits_are_checked_if_the_pattern_keeps_them(cantilever):
     """A quarter and half of 10 mm; 3 mm is more than the first."""
-    plate = dsfab.revise(plate, with_overrides(plate.preset, {"pattern.workshop": True}))
-    usual = {check.name: (check.limit[0], check.verdict, check.asked) for check in fabrication(plate).checks}
+    cantilever = dsfab.revise(cantilever, with_overrides(cantilever.preset, {"pattern.workshop": True}))
+    usual = {check.name: (check.limit[0], check.verdict, check.asked) for check in fabrication(cantilever).checks}
     assert usual == {"min_member": (0.005, "pass", False), "min_gap": (0.003, "pass", False)}
-    none = dsfab.revise(plate, with_overrides(plate.preset, {"slicing.min_gap": 0.0, "slicing.min_member": 0.0}))
+    none = dsfab.revise(
+        cantilever, with_overrides(cantilever.preset, {"slicing.min_gap": 0.0, "slicing.min_member": 0.0})
+    )
     assert fabrication(none).checks == ()
     for changes, least in (
         ({"statics.thickness": 0.02}, (0.005, 0.01)),
@@ -60,19 +62,19 @@ def test_what_a_workshop_makes_is_checked_where_it_is_kept_to(plate):
         ({"slicing.min_gap": 0.004, "slicing.min_member": 0.004}, (0.004, 0.004)),
         ({"slicing.min_member": 0.5}, (0.003, 0.005)),  # kept between round corners alone
     ):
-        assert least_widths(with_overrides(plate.preset, changes), plate.surface) == pytest.approx(least)
+        assert least_widths(with_overrides(cantilever.preset, changes), cantilever.surface) == pytest.approx(least)
     assert usual_gap(0.0008, 0.1) == pytest.approx(0.0002)
     assert usual_gap(0.0001, 0.5) == pytest.approx(0.001)
 
 
-def test_each_limit_passes_below_and_fails_above_what_was_measured(plate):
-    made = fabrication(plate)
+def test_each_limit_passes_below_and_fails_above_the_measured_value(cantilever):
+    made = fabrication(cantilever)
     sizes = {"min_member": made.features.member.size, "min_gap": made.features.gap.size}
     sizes["min_wall"] = made.wall.thickness
     assert made.wall.thickness == pytest.approx(0.01, rel=1e-9)
-    assert set(verdicts(with_limits(plate, **{k: 1.001 * x for k, x in sizes.items()})).values()) == {"fail"}
+    assert set(verdicts(with_limits(cantilever, **{k: 1.001 * x for k, x in sizes.items()})).values()) == {"fail"}
     assert made.features.member.size < made.features.member.mesh  # what is finer than the mesh is built as it is, too
-    assert set(verdicts(with_limits(plate, **{k: 0.999 * x for k, x in sizes.items()})).values()) == {"pass"}
+    assert set(verdicts(with_limits(cantilever, **{k: 0.999 * x for k, x in sizes.items()})).values()) == {"pass"}
 
 
 @pytest.mark.slow
@@ -92,7 +94,7 @@ def test_slits_are_closed_without_needles_on_the_same_material():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tidy", [True, False])
-def test_what_closing_openings_adds_is_in_the_share(tidy):
+def test_the_share_of_material_includes_closed_openings(tidy):
     """Openings under 40 mm are closed: of tidied stripes that is 3.5 % of the plate."""
     thick = {"surface.edge": 0.1, "statics.thickness": 0.16, "pattern.tidy": tidy, "pattern.workshop": True}
     design = Design.from_preset(dsfab.load_preset("cantilever", thick)).until("slicing")
@@ -110,10 +112,10 @@ def test_what_closing_openings_adds_is_in_the_share(tidy):
         ({"pattern.method": "modes", "pattern.workshop": True}, True),
     ],
 )
-def test_evenly_spaced_stripes_keep_to_what_a_workshop_makes_unless_told(plate, changes, kept):
-    preset = with_overrides(plate.preset, changes)
+def test_evenly_spaced_stripes_keep_workshop_limits_by_default(cantilever, changes, kept):
+    preset = with_overrides(cantilever.preset, changes)
     assert preset.pattern.for_workshop == kept
-    assert any(least_widths(preset, plate.surface)) == kept
+    assert any(least_widths(preset, cantilever.surface)) == kept
 
 
 def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
@@ -137,7 +139,7 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "words"), [("climbing_hold", "were closed"), ("bob", "were widened")])
-def test_figures_of_the_paper_become_what_a_workshop_makes_if_asked(name, words):
+def test_figures_of_the_paper_meet_workshop_limits_on_request(name, words):
     """Slits of .16 mm and tips in a sheet of 2 mm; members of 5.5 mm in one of 12."""
     given = dsfab.load_preset(name)
     plain = dsfab.run(given)
@@ -150,23 +152,23 @@ def test_figures_of_the_paper_become_what_a_workshop_makes_if_asked(name, words)
     assert design.solid.repairs.pairs == 0
 
 
-def test_a_solid_may_lie_on_any_side_of_the_bed(plate):
-    assert verdicts(with_limits(plate, bed=[0.02, 2.0, 1.0])) == {"bed": "pass"}
-    assert verdicts(with_limits(plate, bed=[0.02, 1.9, 1.1])) == {"bed": "fail"}
+def test_a_solid_may_lie_on_any_side_of_the_bed(cantilever):
+    assert verdicts(with_limits(cantilever, bed=[0.02, 2.0, 1.0])) == {"bed": "pass"}
+    assert verdicts(with_limits(cantilever, bed=[0.02, 1.9, 1.1])) == {"bed": "fail"}
 
 
-def test_what_nobody_should_build_is_refused(plate):
-    require_fit(plate)
-    film = replace(plate.solid.repairs, thinnest=0.01, thinnest_at=(0.0, 0.0, 0.0))
-    known = {name: getattr(plate, name) for name in ("surface", "statics", "diffusion", "pattern", "slicing")}
-    filmy = Design.from_results(plate.preset, None, **known, solid=replace(plate.solid, repairs=film))
+def test_a_film_or_a_gap_that_no_machine_makes_is_refused(cantilever):
+    require_fit(cantilever)
+    film = replace(cantilever.solid.repairs, thinnest=0.01, thinnest_at=(0.0, 0.0, 0.0))
+    known = {name: getattr(cantilever, name) for name in ("surface", "statics", "diffusion", "pattern", "slicing")}
+    filmy = Design.from_results(cantilever.preset, None, **known, solid=replace(cantilever.solid, repairs=film))
     assert refusals(filmy) == ("the sheet was thinned to a film of 0.1 mm at (0, 0, 0) m",)
     with pytest.raises(PatternError, match=r"thinned to a film.*--accept"):
         require_fit(filmy)
-    made = fabrication(with_limits(plate, min_gap=1.0))
-    assert refusals(plate, made) == ()  # a limit that is missed is told
+    made = fabrication(with_limits(cantilever, min_gap=1.0))
+    assert refusals(cantilever, made) == ()  # a limit that is missed is told
     kept = Design.from_results(
-        with_overrides(plate.preset, {"pattern.workshop": True}), None, **known, solid=plate.solid
+        with_overrides(cantilever.preset, {"pattern.workshop": True}), None, **known, solid=cantilever.solid
     )
     coarse, fine = (replace(made.failed_checks[0], value=(x,), place=(0.1, 0.2, 0.0)) for x in (0.0011, 0.0009))
     assert refusals(kept, replace(made, checks=(coarse,))) == ()
@@ -187,11 +189,11 @@ def test_a_load_that_nothing_carries_is_not_built(capsys, tmp_path):
     assert load_preset(tmp_path / "out" / "preset.toml").fabrication.accept
 
 
-def test_pieces_tell_which_supports_and_loads_they_touch(plate):
-    made = fabrication(plate)
+def test_each_piece_lists_its_supports_and_loads(cantilever):
+    made = fabrication(cantilever)
     assert [(piece.supports, piece.loads) for piece in made.pieces] == [((1,), (1,))]
-    assert made.pieces[0].area == pytest.approx(plate.sheet.surface.area)
-    kept = dsfab.revise(plate, with_overrides(plate.preset, {"slicing.loose": "keep"}))
+    assert made.pieces[0].area == pytest.approx(cantilever.sheet.surface.area)
+    kept = dsfab.revise(cantilever, with_overrides(cantilever.preset, {"slicing.loose": "keep"}))
     found = fabrication(kept)
     assert len(found.pieces) == len(kept.slicing.pieces) > 1
     assert [bool(p.supports) for p in found.pieces] == [p.held for p in kept.slicing.pieces]
@@ -201,10 +203,10 @@ def test_pieces_tell_which_supports_and_loads_they_touch(plate):
         not (p.supports or p.loads) for p in found.pieces
     )
     with pytest.raises(PatternError, match=r"pieces reach no support, the largest \(.* m2\) near"):
-        dsfab.revise(plate, with_overrides(plate.preset, {"slicing.loose": "refuse"}))
+        dsfab.revise(cantilever, with_overrides(cantilever.preset, {"slicing.loose": "refuse"}))
 
 
-def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
+def test_supports_and_loads_are_assigned_to_their_pieces(tmp_path):
     one = grid(10, 10, 1.0, 1.0)
     V, F = np.r_[one.V, one.V + [0, 3, 0]], np.r_[one.F, one.F + one.n]
     (tmp_path / "two.obj").write_text(
@@ -227,9 +229,9 @@ def test_each_piece_has_supports_and_loads_of_its_own(tmp_path):
     assert "touches gate, support 3\n" in f"{told}\n"
 
 
-def test_refuse_builds_what_is_in_one_piece(plate):
+def test_the_option_refuse_accepts_a_design_in_one_piece(cantilever):
     whole = {"pattern.major.threshold": -1.0, "pattern.width": {}}
-    same = dsfab.revise(plate, with_overrides(plate.preset, {**whole, "slicing.loose": "refuse"}))
+    same = dsfab.revise(cantilever, with_overrides(cantilever.preset, {**whole, "slicing.loose": "refuse"}))
     assert len(same.slicing.pieces) == 1
 
 
@@ -289,8 +291,8 @@ def test_a_roof_with_graded_members_has_no_slit():
     assert gaps[1] < 0.02
 
 
-def test_what_is_narrower_than_the_sheet_is_thick_is_told_with_its_place(plate):
-    thick = dsfab.revise(plate, with_overrides(plate.preset, {"statics.thickness": 0.05}))
+def test_features_narrower_than_the_thickness_are_reported_with_their_place(cantilever):
+    thick = dsfab.revise(cantilever, with_overrides(cantilever.preset, {"statics.thickness": 0.05}))
     facts = fabrication_facts(fabrication(thick))
     (line,) = [line for line in fabrication_lines(facts) if line.startswith("narrower than the sheet is thick (50 mm)")]
     for key in ("smallest_gap", "smallest_member"):
@@ -302,12 +304,12 @@ def test_what_is_narrower_than_the_sheet_is_thick_is_told_with_its_place(plate):
     (line,) = [line for line in fabrication_lines(told) if line.startswith("narrower")]
     assert "min_gap" not in line
     wide = fabrication_facts(
-        fabrication(dsfab.revise(plate, with_overrides(plate.preset, {"statics.thickness": 0.0001})))
+        fabrication(dsfab.revise(cantilever, with_overrides(cantilever.preset, {"statics.thickness": 0.0001})))
     )
     assert not [line for line in fabrication_lines(wide) if line.startswith("narrower")]
 
 
-def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monkeypatch):
+def test_specks_between_evenly_spaced_stripes_are_filled_by_default(monkeypatch):
     even = {
         "pattern.method": "stripes",
         "surface.edge": 0.12,
@@ -329,8 +331,8 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
 
 
 @pytest.mark.slow
-def test_fix_meets_the_limits_and_names_what_it_changed(plate):
-    before = with_limits(plate, min_member=0.03, min_gap=0.02)
+def test_fix_meets_the_limits_and_lists_its_changes(cantilever):
+    before = with_limits(cantilever, min_member=0.03, min_gap=0.02)
     assert fabrication(before).failed_checks
     done = fixed_design(before)
     assert not done.made.failed_checks
@@ -346,9 +348,9 @@ def test_fix_meets_the_limits_and_names_what_it_changed(plate):
 @pytest.mark.parametrize(
     ("limits", "words"), [({"min_wall": 0.02}, "raise statics.thickness"), ({"bed": [0.5, 0.5, 0.5]}, "split it")]
 )
-def test_fix_says_what_no_pattern_can_change(plate, limits, words):
+def test_fix_names_limits_that_no_pattern_can_meet(cantilever, limits, words):
     with pytest.raises(PatternError, match=words):
-        fixed_design(with_limits(plate, **limits))
+        fixed_design(with_limits(cantilever, **limits))
 
 
 @pytest.mark.slow
@@ -373,7 +375,7 @@ def test_the_shape_of_triangles_in_closed_form():
     assert flat.needles == 1
 
 
-def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
+def test_inspect_reads_the_fabrication_report_of_a_build(capsys, tmp_path):
     folder = tmp_path / "out"
     words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]
     assert main([*words, "--set", "fabrication.min_member=0.5", "--set", "fabrication.bed=[3,3,3]"]) == 0

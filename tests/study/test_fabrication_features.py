@@ -13,7 +13,7 @@ from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
 from dsfab.thickening.wall_thickness import thinnest_wall
-from tests.zoo import grid, jittered, lifted, sphere
+from tests.shapes import grid, jittered, lifted, sphere
 
 
 def measured(surface: Surface, fields, levels, names=("major", "minor"), snap=0.0) -> Features:
@@ -21,7 +21,7 @@ def measured(surface: Surface, fields, levels, names=("major", "minor"), snap=0.
     return features(sheet, sheet.material, names)
 
 
-def plate(cells: int = 16) -> Surface:
+def jittered_plate(cells: int = 16) -> Surface:
     return jittered(grid(2 * cells, cells, 2.0, 1.0))
 
 
@@ -30,7 +30,7 @@ def plate(cells: int = 16) -> Surface:
 
 def test_parallel_stripes_have_their_widths_and_gaps():
     lines = np.array([0.2, 0.3, 0.37, 0.52, 0.9, 1.3])
-    found = measured(plate(), [plate().V[:, 0]], [lines])
+    found = measured(jittered_plate(), [jittered_plate().V[:, 0]], [lines])
     assert found.member.size == pytest.approx(0.1, rel=1e-12)
     assert found.gap.size == pytest.approx(0.07, rel=1e-12)
     assert 0.2 - 1e-12 <= found.member.place[0] <= 0.3 + 1e-12
@@ -41,17 +41,17 @@ def test_parallel_stripes_have_their_widths_and_gaps():
 @pytest.mark.parametrize("angle", [25, 40, 65])
 def test_oblique_stripes_too(angle):
     turn = np.radians(angle)
-    x = plate().V @ [np.cos(turn), np.sin(turn), 0]
+    x = jittered_plate().V @ [np.cos(turn), np.sin(turn), 0]
     low, high = x.min(), x.max()
     middles = np.arange(low + 0.2, high - 0.1, 0.25)  # no piece of a stripe alone in a corner
     levels = np.sort(np.concatenate([middles - 0.04, middles + 0.04]))
-    found = measured(plate(), [x], [levels])
+    found = measured(jittered_plate(), [x], [levels])
     assert found.member.size == pytest.approx(0.08, rel=1e-9)
     assert found.gap.size == pytest.approx(0.17, rel=1e-9)
 
 
 def test_the_narrower_of_two_crossing_families_is_found():
-    surface = plate()
+    surface = jittered_plate()
     found = measured(surface, [surface.V[:, 0], surface.V[:, 1]], [[0.3, 0.5, 1.2, 1.4], [0.2, 0.26, 0.6, 0.75]])
     assert found.member.size == pytest.approx(0.06, rel=1e-12)
     assert found.member.what == "a minor stripe"
@@ -113,7 +113,7 @@ def test_a_waist_between_wider_ends_is_a_member():
     assert waist.member.place == pytest.approx([1.0, 0.5, 0.0], abs=0.08)
 
 
-def test_a_triangular_opening_counts_with_the_circle_in_it():
+def test_the_size_of_a_triangular_opening_is_its_incircle():
     """No line across it meets a parallel wall; 4 area / perimeter is twice the inradius."""
     side = 0.2
     corners = np.array([[0, 0], [side, 0], [side / 2, side * np.sqrt(0.75)]])
@@ -247,13 +247,13 @@ def test_cells_of_dropped_pieces_are_not_kept():
 
 
 def test_the_wall_of_a_plate_is_its_thickness():
-    surface = plate()
+    surface = jittered_plate()
     solid = thicken(surface, offsets(surface, 0.03).D)
     assert thinnest_wall(solid).thickness == pytest.approx(0.03, rel=1e-9)
 
 
 def test_the_wall_is_thinnest_where_the_sheet_was_thinned():
-    surface = plate()
+    surface = jittered_plate()
     D = np.array(offsets(surface, 0.03).D)
     at = int(np.linalg.norm(surface.V - [1.0, 0.5, 0], axis=1).argmin())
     D[at] *= 0.5
@@ -303,5 +303,5 @@ def test_the_wall_of_a_very_small_solid_is_found_too():
     assert thinnest_wall(solid).thickness == pytest.approx(1e-4, rel=1e-9)
 
 
-def test_what_was_widened_to_a_limit_is_not_under_it_for_rounding():
+def test_a_width_within_rounding_of_the_limit_passes():
     assert below_limit(np.array([0.1, 0.1 - 1e-8, 0.1 - 1e-6]), 0.1).tolist() == [False, False, True]

@@ -93,11 +93,11 @@ def evenly(chosen: Modes, halve: bool, rule: str, q: float) -> float:
         (OPENING, False, "stressed", 0.78),  # 0.757: under its own weight alone what is wider is heavier too
     ],
 )
-def test_they_are_stiffer_than_the_stiffest_modes(chosen, halve, rule, most):
+def test_evenly_spaced_stripes_are_stiffer_than_the_stiffest_modes(chosen, halve, rule, most):
     assert evenly(chosen, halve, rule, 0.5) < most * modes(chosen)
 
 
-def test_widths_by_the_root_of_the_stress_are_stiffer_than_by_all_or_nothing_of_it():
+def test_widths_by_the_root_of_the_stress_are_stiffer_than_linear_or_equal_widths():
     """Why `auto` tries them: 3.1, 1.8 and 2.5 times the uncut sheet, which is heavier."""
     gentle = evenly(BOTANIC, True, "graded", 0.5)
     assert gentle < 0.75 * evenly(BOTANIC, True, "constant", 1.0)

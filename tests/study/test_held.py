@@ -27,7 +27,7 @@ from dsfab.surface import (
     edges_of,
 )
 from tests.meshes import mesh_file
-from tests.zoo import grid, lifted, moebius, obtuse, two_pieces
+from tests.shapes import grid, lifted, moebius, obtuse, two_pieces
 
 PULL = [Force(All(), (1.0, 2.0, 3.0))]
 

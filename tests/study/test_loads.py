@@ -44,7 +44,7 @@ from dsfab.surface import (
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, lifted, moebius, sphere, two_pieces
+from tests.shapes import ZOO, grid, lifted, moebius, sphere, two_pieces
 
 WEIGHT = 400.0
 """N/m2 of the sheet."""
@@ -137,7 +137,7 @@ def test_wind_and_pressure_on_closed_and_one_sided_surfaces():
     assert on.force.sum(axis=0) == pytest.approx(case(strip, Snow(1e3)).force.sum(axis=0))
 
 
-def test_a_window_gives_each_half_to_the_rib_beside_it():
+def test_the_load_of_a_window_goes_half_to_each_rib():
     """Two ribs 1 m wide with 2 m of glass between them: each carries its own strip and half of the window."""
     surface = grid(16, 12, 4.0, 3.0)
     sheet = frame(surface, (1.0, 3.0), (-1, 9))
@@ -149,7 +149,7 @@ def test_a_window_gives_each_half_to_the_rib_beside_it():
     assert arrived == pytest.approx(100.0 * (2 * 0.25 + 2.0) * 3.0 * DOWN, rel=1e-9)
 
 
-def test_a_covering_that_is_loaded_on_one_side_lies_on_both_ribs_and_on_no_others():
+def test_a_pane_that_is_loaded_on_one_side_rests_on_its_two_ribs():
     """2.5 m of window: the two reactions of a simply supported pane, not the nearest halves; what is further stays."""
     surface = grid(64, 8, 8.0, 1.0)
     sheet = frame(surface, (1.0, 3.5), (-1, 9))
@@ -162,7 +162,7 @@ def test_a_covering_that_is_loaded_on_one_side_lies_on_both_ribs_and_on_no_other
     assert np.abs(on.force[x > 4]).max() < 1e-12
 
 
-def test_a_pane_that_hangs_on_one_side_is_held_by_all_and_not_by_twisting_its_rib():
+def test_a_pane_on_one_rib_does_not_twist_it():
     surface = grid(24, 8, 3.0, 1.0)
     sheet = frame(surface, (2.0, 9.0), (-1, 9))  # the last metre has no rib beyond it
     given = case(surface, Cladding(100.0))
@@ -204,7 +204,7 @@ def test_slivers_are_no_bearing_and_a_piece_without_material_is_refused():
         case(surface, Cladding(250.0, at=Nearest(((0.0, 0.0, 0.0),))))
 
 
-def test_point_loads_stay_as_they_are_and_cases_add_up():
+def test_point_loads_are_unchanged_and_load_cases_add_up():
     surface = grid(12, 8, 1.5, 1.0)
     sheet = striped(surface)
     loads = [Force(Ball((1.2, 0.5, 0.0), 0.2), (0.0, 0.0, -1e3), case="a"), Snow(800.0, case="b"), SelfWeight(case="b")]
@@ -235,7 +235,7 @@ def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
 
 
 @pytest.mark.slow
-def test_every_mesh_of_a_verdict_carries_the_weight_that_is_there():
+def test_each_mesh_of_a_verdict_carries_the_weight_of_the_cut_sheet():
     design = sliced(dsfab.load_preset("snow_vault", {"surface.edge": 0.9}))
     surface, sheet = design.surface, design.slicing.cells.subset()
     setting = LoadedSurface.from_design(design)
@@ -268,7 +268,7 @@ def test_no_window_is_too_wide_for_weight_and_snow(name):
     assert arrived == pytest.approx(total, abs=1e-9 * abs(total[2]))
 
 
-def test_what_is_told_says_which_sheet_it_is_of():
+def test_each_reported_weight_names_its_sheet():
     """The table of loads, design.json, the note after the cut and the CalculiX model: both weights, closed forms."""
     given = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.0})
     glass = [{"kind": "cladding", "pressure": 250.0}, {"kind": "wind", "pressure": 500.0, "direction": [1, 0, 0],
@@ -307,7 +307,7 @@ def test_what_is_told_says_which_sheet_it_is_of():
     assert not any("overed" in text for text in words)
 
 
-def test_a_preset_without_weight_hears_nothing_of_it():
+def test_a_preset_without_weight_gives_no_note_of_weight():
     design = sliced(dsfab.load_preset("cantilever", {"surface.edge": 0.2}))
     assert not any("weigh" in note.text for note in design.notes)
     assert (design.load.parts.point == design.load.force).all()

@@ -22,7 +22,7 @@ from dsfab.study.verdict.estimates import LEAST_BOUND, mode_estimate
 from dsfab.study.verdict.modes import MODE_ELEMENTS, mode_level
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification import TESTS
-from tests.zoo import grid
+from tests.shapes import grid
 
 BOTH = ResultRequest(frequencies=1, buckling=1)
 
@@ -150,7 +150,7 @@ def test_a_ladder_that_is_cut_out_of_a_wall_is_a_column_of_its_chords():
     assert found.assumed == HELD_ACROSS
 
 
-def test_supports_that_hold_out_of_the_plane_already_and_sheets_that_bend_stay_as_they_are():
+def test_sheets_that_are_held_out_of_plane_keep_their_supports():
     surface = wall(2, 6)
     load = standing(surface, BASE).loads["dead"]
     across = mode_supports(surface, load)
@@ -194,7 +194,7 @@ def cantilever() -> dsfab.Design:
 
 
 @pytest.mark.slow
-def test_a_full_comparison_tells_both_with_a_bound_and_a_quick_one_without(cantilever):
+def test_a_full_comparison_gives_bounds_and_a_quick_comparison_does_not(cantilever):
     task = ComparisonTask.from_design(cantilever, cantilever.sheet.surface.area)
     structure = Structure(
         cantilever.slicing.cells,
@@ -240,7 +240,7 @@ def test_a_build_and_a_calculix_file_tell_the_interval_of_the_uncut_sheet(cantil
     assert mode_facts(dsfab.run(silent)) == {}
 
 
-def test_numbers_are_told_with_the_digits_that_their_bound_leaves():
+def test_numbers_are_written_with_the_digits_of_their_bound():
     assert value_with_bound(2.34567, 0.018) == "2.35 ± 1.8 %"
     assert value_with_bound(2.34567, 0.003, "Hz") == "2.346 Hz ± 0.3 %"
     assert value_with_bound(2.34567, 0.16) == "2.35 ± 16 %"

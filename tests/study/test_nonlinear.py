@@ -32,8 +32,8 @@ from dsfab.study.nonlinear import (
 from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
 from tests.designs import sliced
-from tests.statics.test_modes import hold
-from tests.zoo import grid
+from tests.shapes import grid
+from tests.statics.supports import hold
 
 
 def up(surface: Surface) -> np.ndarray:
@@ -81,19 +81,19 @@ def path(load, u, whole=True) -> LoadPath:
     return LoadPath(np.array(load), np.array(u)[:, None, None] * np.array([0, 0, 1.0]), whole)
 
 
-def test_what_snaps_gives_way_before_the_jump():
+def test_a_snapping_path_fails_before_its_jump():
     load = np.linspace(0, 1, 11)
     moves = np.array([1, 1, 1, 1.2, 1.5, 3, 40, 1, 1, 1])
     assert limit_of(path(load, np.r_[0, np.cumsum(moves)])) == (6, True)
     assert softest_range(path(load, np.r_[0, np.cumsum(moves)])) == pytest.approx((0.5, 0.8))
 
 
-def test_what_softens_without_end_gives_way_at_a_hundredth_of_its_stiffness():
+def test_a_softening_path_fails_at_a_hundredth_of_its_stiffness():
     load = np.linspace(0, 0.99, 100)
     assert limit_of(path(load, 1 / (1 - load) - 1)) == (90, True)
 
 
-def test_what_stays_stiff_bears_more_and_what_ends_early_gives_way():
+def test_a_stiff_path_bears_its_load_and_a_path_that_ends_early_fails():
     load = np.linspace(0, 1, 11)
     assert limit_of(path(load, load)) == (10, False)
     assert limit_of(path(load, load, whole=False)) == (10, True)
@@ -104,7 +104,7 @@ def test_what_stays_stiff_bears_more_and_what_ends_early_gives_way():
     assert limit_of(path(load, np.r_[0, np.cumsum(jolt)])) == (10, False)
 
 
-def test_a_path_has_no_more_to_tell_once_it_has_snapped_or_is_soft_and_finds_no_equilibrium():
+def test_a_path_ends_after_a_snap_or_without_equilibrium():
     load = np.linspace(0, 1, 11)
     moves = np.array([1, 1, 1, 1.2, 1.5, 3, 40, 1, 1, 1])
     assert last_point(path(load, np.r_[0, np.cumsum(moves)])) == 7  # with the snap, as long as it goes on
@@ -117,7 +117,7 @@ def test_a_path_has_no_more_to_tell_once_it_has_snapped_or_is_soft_and_finds_no_
     assert (ended.load[-1], limit_of(ended)) == (pytest.approx(0.8), (8, True))
 
 
-def test_what_time_ends_is_told_as_such_and_has_not_given_way():
+def test_a_path_that_runs_out_of_time_is_not_called_a_failure():
     load = np.linspace(0, 1, 11)
     assert limit_of(replace(path(load, load, whole=False), late=True)) == (10, False)
     found = NonlinearCheck("wind", 3.0, 1.5, False, 0.01, 0.002, load, load, 400, minutes=2.0)
@@ -146,7 +146,7 @@ DAT = """
          2  3.000000E-03  0.000000E+00 -5.0"""
 
 
-def test_files_are_read_while_they_are_written():
+def test_result_files_of_calculix_are_read_during_the_run():
     files = CcxFiles("", DAT, STA, False)
     assert files.failures() == [(0.6, 0.1), (1.67188, 0.00234375)]
     (time, table), (_, half) = files.tables()
@@ -262,7 +262,7 @@ def test_a_dome_gives_way_far_below_its_linear_factor(capsys):
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="signals and a shell script")
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_the_command_leaves_nothing_behind_when_it_is_ended(endless, number):
+def test_an_interrupted_command_leaves_no_files_or_processes(endless, number):
     """Neither files nor CalculiX: `endless` looks for both."""
     words = [sys.executable, "-m", "dsfab", "check", "dome", "--nonlinear", "--check-edge", "2.5", *ROUGH]
     run = subprocess.Popen(
@@ -283,7 +283,7 @@ def test_springs_are_refused_in_a_sentence():
         solid_model(s, up(s), 0.01, Material(210e9, 0.0), soft)
 
 
-def test_without_calculix_it_says_how_to_get_it_before_any_work(monkeypatch, capsys):
+def test_without_calculix_the_error_names_the_program_before_any_work(monkeypatch, capsys):
     monkeypatch.setenv("PATH", "")
     assert main(["check", "dome", "--nonlinear"]) == 1
     assert "its program ccx is not on the path; install it" in capsys.readouterr().err
@@ -327,7 +327,7 @@ major = {{ threshold = -1.0 }}
 
 @pytest.mark.slow
 @needs_ccx
-def test_a_toggle_snaps_through_where_it_is_published_to(tmp_path, capsys):
+def test_a_toggle_snaps_through_at_the_published_load(tmp_path, capsys):
     """34 pounds [Williams 1964; Wood and Zienkiewicz 1977: 33.8 to 34.1], a third of what linear theory says."""
     s, _ = toggle()
     trimesh.Trimesh(s.V, s.F, process=False).export(tmp_path / "toggle.obj")

@@ -11,13 +11,13 @@ from dsfab.study import fitting_processes, map_in_processes
 from dsfab.study.sweeps import workers
 
 
-def test_one_worker_is_this_process():
+def test_one_worker_runs_in_this_process():
     own = map_in_processes(lambda k: (k, os.getpid()), [3, 1], workers=1)  # a lambda reaches no other process
     assert list(own) == [(3, os.getpid()), (1, os.getpid())]
 
 
 @pytest.mark.slow
-def test_results_come_in_the_order_of_what_was_given():
+def test_results_come_in_the_order_of_the_inputs():
     assert list(map_in_processes(math.factorial, [5, 3, 4], workers=2)) == [120, 6, 24]
     (pid,) = set(map_in_processes(os.getpgid, [os.getpid()], workers=2))
     assert pid == os.getpgid(os.getpid())
@@ -31,7 +31,7 @@ def begun(one):
 
 
 @pytest.mark.slow
-def test_what_takes_longest_is_begun_first():
+def test_the_longest_work_begins_first():
     told = list(map_in_processes(begun, [1, 5, 3, 4, 2], workers=2, work=float))
     assert [one for one, *_ in told] == [1, 5, 3, 4, 2]
     for process in {where for _, where, _ in told}:  # on a busy machine one has two done before the other has one
@@ -40,7 +40,7 @@ def test_what_takes_longest_is_begun_first():
 
 
 @pytest.mark.slow
-def test_a_process_that_ends_before_its_time_is_told():
+def test_a_process_that_dies_is_reported():
     with pytest.raises(DsfabError, match="--workers 1"):
         list(map_in_processes(os._exit, [1, 1], workers=2))
 
@@ -49,7 +49,7 @@ def test_a_process_that_ends_before_its_time_is_told():
     ("count", "cores", "free", "expected"),
     [(17, 2, 20e9, 2), (1, 8, 20e9, 1), (17, 8, 7e9, 2), (17, 8, 1e9, 1), (17, 4, 0, 4)],
 )
-def test_as_many_fit_as_there_are_cores_and_memory(monkeypatch, count, cores, free, expected):
+def test_the_number_of_processes_follows_cores_and_memory(monkeypatch, count, cores, free, expected):
     monkeypatch.setattr(workers, "cores", lambda: cores)
     monkeypatch.setattr(workers, "free_memory", lambda: int(free))
     assert fitting_processes(count) == expected

@@ -46,7 +46,7 @@ def striped_alike(made: Design) -> Preset:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RECORDED)
-def test_over_modes_they_are_as_stiff_as_recorded(name):
+def test_stiffness_over_modes_agrees_with_the_recorded_values(name):
     path, most, mesh = RECORDED[name]
     keys = {"surface.file": str(mesh_file(mesh)), "surface.refine": 0.25, "surface.smooth": True} if mesh else {}
     made = draft(with_overrides(load_preset(path), keys))

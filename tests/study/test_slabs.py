@@ -7,7 +7,7 @@ from dsfab.design import Design, draft
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
 from dsfab.study.judges import quick
 from dsfab.surface import Surface
-from tests.zoo import grid
+from tests.shapes import grid
 
 SIDE, COLUMN, CELLS = 12.0, 4.0, 24
 

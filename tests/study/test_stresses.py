@@ -15,21 +15,13 @@ from dsfab.study.verdict.estimates import (
     stress_extremes,
     support_ends,
 )
-from dsfab.surface import LoadCase, Surface
-from tests.zoo import grid
-
-
-def angle_bracket(cells: int) -> Surface:
-    """A square metre without its upper right quarter."""
-    whole = grid(cells, cells, 1.0, 1.0)
-    kept = ~(whole.centroids[:, :2] > 0.5).all(axis=1)
-    used, F = np.unique(whole.F[kept], return_inverse=True)
-    return Surface(whole.V[used], F.reshape(-1, 3))
+from dsfab.surface import LoadCase
+from tests.shapes import grid, l_shape
 
 
 def pulled(cells: int):
     """The bracket held along its foot, its arm pushed down: von Mises' stress and the others."""
-    surface = angle_bracket(cells)
+    surface = l_shape(cells, 1.0, 0.5)
     load = LoadCase.build(
         surface,
         [dsfab.Support(dsfab.Side("y", "max"), hold="xyz")],
@@ -41,7 +33,7 @@ def pulled(cells: int):
 
 
 def test_only_the_corner_that_bends_inwards_counts_and_ends_of_supports():
-    surface = angle_bracket(8)
+    surface = l_shape(8, 1.0, 0.5)
     assert surface.V[inward_corners(surface)] == pytest.approx(np.array([[0.5, 0.5, 0.0]]))
     held = surface.V[:, 1] > 1 - 1e-9
     assert len(support_ends(surface, held)) == 2
@@ -67,7 +59,7 @@ def test_the_peak_at_a_corner_grows_with_every_finer_mesh_and_the_two_numbers_se
     assert all(one.quantile <= one.value and one.value > 0 for one in three.values())
 
 
-def test_a_quantile_is_by_area_and_what_is_no_stress_has_no_value_off_corners():
+def test_quantiles_of_stress_are_weighted_by_area():
     assert quantile(np.array([3.0, 1.0, 2.0]), np.array([1.0, 98.0, 1.0])) == 2.0
     assert quantile(np.array([3.0, 1.0, 2.0]), np.array([5.0, 90.0, 5.0])) == 3.0
     plain = extreme(grid(1, 1, 1.0, 1.0), np.array([1.0, 2.0]))

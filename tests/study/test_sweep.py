@@ -47,7 +47,7 @@ def test_statics_and_modes_are_solved_once_for_all_patterns():
     assert len({id(design.pattern) for design in designs}) == 6
 
 
-def test_a_design_that_cannot_be_built_is_recorded_and_stops_nothing():
+def test_a_design_that_cannot_be_built_is_recorded_and_the_sweep_continues():
     vary = {"pattern.major.mode": [1, 40, 2]}
     first, broken, last = dsfab.sweep(PRESET, vary, ["area"])
     assert "pattern.major.mode = 40" in broken.error
@@ -68,13 +68,13 @@ def test_metrics_can_be_functions():
         ({"pattern.major.frequency": [1]}, ["beauty"], "metric 'beauty' is not known; use area"),
     ],
 )
-def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeypatch):
+def test_invalid_options_are_refused_before_any_design(vary, metrics, says, monkeypatch):
     monkeypatch.setattr("dsfab.study.sweeps.in_memory.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
 
 
-def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
+def test_a_metric_runs_only_the_stages_that_it_needs(monkeypatch):
     monkeypatch.setattr("dsfab.design.design.thickening_step", None)
     (run,) = dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["area", "pieces", "min_width", "compliance"])
     assert run.error == ""
@@ -91,7 +91,7 @@ LONG = ("verdict", "over_")
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith(LONG)) for name in METRICS]
 )
-def test_a_design_in_the_making_measures_as_the_whole_one(name, whole, in_the_making):
+def test_metrics_of_a_partial_design_equal_those_of_the_whole_design(name, whole, in_the_making):
     assert METRICS[name](in_the_making) == METRICS[name](whole)
 
 
@@ -113,7 +113,7 @@ def test_compliance_is_that_of_the_comparison(whole):
     assert METRICS["compliance"](whole) == comparison(whole, against=()).design.compliance
 
 
-def test_ersatz_of_what_is_whole_is_the_compliance_of_the_surface():
+def test_the_ersatz_compliance_of_a_full_sheet_is_its_compliance():
     from dsfab.statics import Elements, SheetModel, solve_cases
 
     full = dsfab.load_preset(
@@ -139,7 +139,7 @@ def test_the_verdict_is_that_of_the_check(whole):
     assert METRICS["verdict_bound"](whole) == pytest.approx(found.bound)
 
 
-def test_a_failed_verdict_is_told(whole, monkeypatch):
+def test_a_failed_verdict_is_recorded_with_its_reason(whole, monkeypatch):
     failed = SimpleNamespace(status="fail", reason="a load finds no material")
     monkeypatch.setattr("dsfab.study.sweeps.metrics.verdict", lambda made: failed)
     with pytest.raises(StaticsError, match="finds no material"):
@@ -157,7 +157,7 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
     assert METRICS["sheet_mass"](whole) == pytest.approx(METRICS["mass"](whole), rel=0.02)
 
 
-def test_what_a_later_section_does_not_change_is_made_once():
+def test_runs_share_the_stages_before_the_first_varied_key():
     thinner = Design.from_preset(
         dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "export.step_faces": 9})
     )
@@ -169,7 +169,7 @@ def test_what_a_later_section_does_not_change_is_made_once():
     assert not Design.from_preset(other, after).has("slicing")
 
 
-def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means():
+def test_stripes_by_spacing_equal_stripes_by_the_same_frequency():
     asked = {**COARSE_KEYS, "pattern.major.frequency": 0.0, "pattern.major.spacing": 0.8}
     spaced = Design.from_preset(dsfab.load_preset(DOME_MODES, asked))
     frequency = spaced.pattern.frequency[0]

@@ -15,8 +15,8 @@ from dsfab.core.errors import DsfabError
 from dsfab.study.sweeps.folder import SweepFolder, only_coordinator, prepare, sweep_folder
 from dsfab.study.sweeps.workers import DaskWorkers, execute
 from tests.presets import ROOF_MODES
-from tests.study.test_sweep_folder import measured, plan, swept
-from tests.zoo import ZOO
+from tests.shapes import ZOO
+from tests.study.sweep_folders import measured, plan, swept
 
 distributed = pytest.importorskip("distributed", reason="Dask (dsfab[cluster]) is not installed")
 
@@ -56,7 +56,7 @@ def cluster(folder):
             process.wait()
 
 
-def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
+def test_a_missing_scheduler_is_reported(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.study.sweeps.workers.SECONDS", 0.3)
     with pytest.raises(DsfabError, match="no Dask scheduler answers at tcp://127"):
         DaskWorkers(None, "tcp://127.0.0.1:9")
@@ -64,7 +64,7 @@ def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
 
 @pytest.mark.slow
 @pytest.mark.skipif(os.name == "nt", reason="kills a group of processes")
-def test_a_cluster_gives_what_this_machine_gives_and_survives_the_death_of_a_worker(tmp_path):
+def test_a_cluster_gives_the_local_results_even_if_a_worker_dies(tmp_path):
     many = plan(vary={"diffusion.r": [10.0, 30.0], "pattern.major.phase": [i / 10 for i in range(10)]})
     swept(tmp_path / "here", many)
     folder = sweep_folder(tmp_path / "there")
@@ -87,7 +87,7 @@ def test_a_cluster_gives_what_this_machine_gives_and_survives_the_death_of_a_wor
     assert [row.state for row in SweepFolder.from_folder(folder).rows()] == ["done"] * 20
 
 
-def test_a_mesh_travels_to_workers_that_cannot_read_it(tmp_path):
+def test_a_mesh_is_sent_to_workers_without_the_file(tmp_path):
     import trimesh
 
     dome = ZOO["dome"]()

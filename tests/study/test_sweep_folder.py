@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import BrokenExecutor, Future, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
@@ -27,75 +27,11 @@ from dsfab.study.sweeps.folder import (
     sweep_folder,
     write_tables,
 )
-from dsfab.study.sweeps.plan import Plan, load_plan, plan_from
+from dsfab.study.sweeps.plan import load_plan
 from dsfab.study.sweeps.runs import RunRow, Store
 from dsfab.study.sweeps.scheduler import TRIES
-from dsfab.study.sweeps.workers import LocalWorkers, Outcome, cores, execute, free_memory
-from tests.presets import DOME_MODES
-
-PHASES = [0.0, 0.2, 0.4, 0.6]
-
-
-def plan(**changes) -> Plan:
-    """A sweep whose runs take a few hundredths of a second each."""
-    coarse = {"surface.edge": 1.2, "pattern.keep": 0, "pattern.width": {}}
-    values = {
-        "preset": DOME_MODES,
-        "set": coarse,
-        "vary": {"diffusion.r": [10.0, 30.0], "pattern.major.phase": PHASES},
-        "metrics": ["kept_share", "pieces"],
-        "keep": ["preset"],
-    }
-    return plan_from({**values, **changes})
-
-
-class Hands:
-    """A crew of threads in this process; `fate` may kill a worker: raise when it is given a run."""
-
-    def __init__(self, job, count=2, fate=lambda number: None):
-        self.job, self.fate, self.begun = job, fate, []
-        self.pools = {f"hand {i}": ThreadPoolExecutor(1) for i in range(count)}
-
-    def workers(self):
-        return list(self.pools)
-
-    def submit(self, worker, number, changes) -> "Future[Outcome]":
-        self.begun.append(number)
-        return self.pools[worker].submit(self._make, number, changes)
-
-    def _make(self, number, changes):
-        self.fate(number)
-        return execute(self.job, number, changes)
-
-    def lost(self, worker):
-        return ""
-
-    def learn(self, outcome):
-        pass
-
-    def close(self):
-        for pool in self.pools.values():
-            pool.shutdown()
-
-
-def swept(folder: Path, asked: Plan, fate=lambda number: None, extend=False, retry=("killed",)) -> list[int]:
-    """Make a sweep with a crew of threads; returns the numbers of the runs that were begun."""
-    with only_coordinator(sweep_folder(folder)):
-        found = prepare(asked, folder, extend)
-        crew = Hands(found.job(), fate=fate)
-        try:
-            found.run(crew, retry=retry)
-        finally:
-            crew.close()
-    return sorted(crew.begun)
-
-
-def measured(folder: Path) -> dict[int, tuple]:
-    """What is known of each run, without its seconds."""
-    return {
-        row.number: (row.state, tuple(row.changes.items()), tuple(row.metrics.items()), row.error, row.files)
-        for row in SweepFolder.from_folder(folder).rows()
-    }
+from dsfab.study.sweeps.workers import LocalWorkers, Outcome, cores, free_memory
+from tests.study.sweep_folders import PHASES, Hands, deadly, measured, plan, row, swept
 
 
 def test_a_sweep_and_all_of_its_files(tmp_path):
@@ -158,7 +94,7 @@ def test_a_sample_stays_the_same_sample(tmp_path):
         swept(tmp_path, turned)
 
 
-def test_it_goes_on_where_it_was_interrupted(tmp_path):
+def test_an_interrupted_sweep_resumes(tmp_path):
     swept(tmp_path / "whole", plan())
     count = iter(range(100))
 
@@ -200,16 +136,6 @@ def test_a_worker_that_dies_once_costs_nothing_but_time(tmp_path):
     assert swept(tmp_path / "a", plan(), fate) == [1, 2, 3, 3, 4, 5, 6, 7, 8]
     swept(tmp_path / "b", plan())
     assert measured(tmp_path / "a") == measured(tmp_path / "b")
-
-
-def deadly(*numbers: int):
-    """A fate that kills whoever makes one of these runs."""
-
-    def fate(number):
-        if number in numbers:
-            raise OSError("killed")
-
-    return fate
 
 
 def states(folder: Path) -> list[str]:
@@ -309,7 +235,7 @@ def test_a_worker_that_cannot_even_begin_is_a_death_like_any(tmp_path):
     assert states(tmp_path) == ["done"] * 8
 
 
-def test_want_of_memory_is_told_only_where_the_system_says_so(tmp_path, monkeypatch):
+def test_lack_of_memory_is_reported_only_if_the_kernel_counts_it(tmp_path, monkeypatch):
     """No guess: the kernel counts the processes that it ends for want of memory."""
     kills = [7]
     monkeypatch.setattr(local, "memory_kills", lambda: kills[0])
@@ -334,7 +260,7 @@ def test_a_design_that_cannot_be_made_is_recorded_with_its_reason(tmp_path):
     assert sorted(path.name for path in (tmp_path / "logs").iterdir()) == ["00002.txt"]
 
 
-def test_what_was_measured_before_a_failure_is_kept(tmp_path):
+def test_a_failed_run_keeps_the_metrics_measured_before(tmp_path):
     """Rings alone: there is an area, but nothing that carries the load to the ground."""
     rings = {"pattern.minor.threshold": [1.0], "pattern.major.frequency": [9.0], "slicing.loose": ["keep"]}
     swept(tmp_path, plan(vary=rings, metrics=["kept_share", "compliance_quick", "pieces"]))
@@ -359,7 +285,7 @@ def test_a_mistake_of_ours_ends_one_run_only(tmp_path, monkeypatch):
     assert "Traceback" in (tmp_path / "logs" / f"{failed[0].number:05}.txt").read_text()
 
 
-def test_another_sweep_in_the_folder_is_refused_and_extended_when_told(tmp_path):
+def test_another_sweep_in_a_folder_is_refused_unless_extended(tmp_path):
     swept(tmp_path, plan())
     before = measured(tmp_path)
     wider = plan(vary={"diffusion.r": [10.0, 30.0, 50.0], "pattern.major.phase": PHASES})
@@ -435,7 +361,7 @@ def test_the_lock_of_a_coordinator_that_was_killed_is_open(tmp_path):
         pass
 
 
-def test_a_full_disk_is_one_sentence_and_loses_nothing(tmp_path):
+def test_a_full_disk_gives_one_sentence_and_loses_no_row(tmp_path):
     found = prepare(plan(vary={"pattern.major.phase": [i / 200 for i in range(200)]}, keep=[]), sweep_folder(tmp_path))
     with Store.open(tmp_path) as store:
         pages = store._db.execute("PRAGMA page_count").fetchone()[0]
@@ -466,10 +392,6 @@ def test_a_store_of_another_version_is_refused(tmp_path):
         Store.open(tmp_path)
 
 
-def row(number: int, state="done", **metrics) -> RunRow:
-    return RunRow(number, {"pattern.major.phase": number / 10}, state, metrics)
-
-
 def test_the_best_and_the_front():
     """Of points on a hyperbola all are on the front; those above it are not; failures and misses never are."""
     curve = [row(i, compliance=10.0 / i, sheet_mass=float(i), pieces=1.0) for i in range(1, 9)]
@@ -490,7 +412,7 @@ def test_points_that_are_equal_in_one_are_judged_by_the_other():
     assert [r.number for r in pareto(rows, "area", "pieces")] == [2]
 
 
-def test_parquet_holds_what_the_csv_holds(tmp_path):
+def test_the_parquet_file_equals_the_csv_file(tmp_path):
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (dsfab[tables]) is not installed")
     rows = [row(1, area=2.5), row(2, "failed"), RunRow(3, {"pattern.width.rule": "graded"}, "done", {"area": 3.0})]
     table = records(rows, ["area"], [])
@@ -516,7 +438,7 @@ def test_as_many_workers_as_memory_allows(monkeypatch):
 
 
 @pytest.mark.slow
-def test_processes_give_what_threads_give_and_survive_a_kill(tmp_path):
+def test_processes_give_the_results_of_threads_and_survive_a_kill(tmp_path):
     swept(tmp_path / "threads", plan())
     with only_coordinator(sweep_folder(tmp_path / "processes")):
         found = prepare(plan(), tmp_path / "processes")

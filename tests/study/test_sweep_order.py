@@ -7,7 +7,7 @@ import pytest
 from dsfab.study.sweeps.in_memory import Rows, signature, stage_order
 
 
-def grid(surfaces: int, gammas: int, phases: int) -> list[dict]:
+def variant_grid(surfaces: int, gammas: int, phases: int) -> list[dict]:
     return [
         {"pattern.major.phase": p, "diffusion.gamma": g, "surface.edge": s}
         for p in range(phases)
@@ -22,7 +22,7 @@ def solves(runs: list[dict], order: list[int]) -> int:
 
 
 def test_early_stages_vary_slowest():
-    runs = grid(3, 4, 5)
+    runs = variant_grid(3, 4, 5)
     order = stage_order(runs)
     assert sorted(order) == list(range(60))
     assert solves(runs, order) == 3
@@ -39,7 +39,7 @@ def test_the_signature_tells_stages_apart():
 @pytest.mark.parametrize("workers", [1, 2, 3, 7])
 @pytest.mark.parametrize("shape", [(1, 1, 40), (8, 1, 5), (40, 1, 1), (4, 5, 2)])
 def test_every_run_is_taken_once_and_few_are_solved_twice(workers, shape):
-    runs = grid(*shape)
+    runs = variant_grid(*shape)
     rows = Rows(range(len(runs)), runs)
     taken: dict[str, list[int]] = {f"w{i}": [] for i in range(workers)}
     while len(rows):
@@ -51,8 +51,8 @@ def test_every_run_is_taken_once_and_few_are_solved_twice(workers, shape):
     assert max(map(len, taken.values())) - min(map(len, taken.values())) <= 1  # nobody is idle
 
 
-def test_a_run_that_was_lost_and_the_row_of_a_worker_that_left_are_taken_by_others():
-    runs = grid(1, 1, 6)
+def test_lost_runs_and_rows_of_lost_workers_go_to_other_workers():
+    runs = variant_grid(1, 1, 6)
     rows = Rows(range(1, 7), runs)
     first = rows.take("a")
     rows.give_back("a", first)

@@ -75,7 +75,7 @@ MISTAKES = {
 
 
 @pytest.mark.parametrize("what", MISTAKES)
-def test_mistakes_are_told_with_their_key(what):
+def test_invalid_plans_are_refused_with_their_key(what):
     change, says = MISTAKES[what]
     with pytest.raises(PresetError) as refused:
         plan_from({**BASE, **change}, "sweep x.toml")
@@ -83,7 +83,7 @@ def test_mistakes_are_told_with_their_key(what):
     assert str(refused.value).startswith("sweep x.toml: ")
 
 
-def test_all_mistakes_are_told_at_once():
+def test_all_invalid_keys_of_a_plan_are_reported_at_once():
     with pytest.raises(PresetError) as refused:
         plan_from({"metrics": ["beauty"], "seeed": 1, "vary": {"a": []}})
     for says in ("preset is missing", "'beauty'", "seeed", "vary.a"):
@@ -185,7 +185,7 @@ def test_the_same_run_twice_is_made_once():
     assert digest({"a": 1, "b": 2}) == digest({"b": 2, "a": 1}) != digest({"a": 1, "b": 2.5})
 
 
-def test_values_that_presets_do_not_allow_are_told_before_anything_is_built():
+def test_invalid_values_of_a_plan_are_refused_before_any_run():
     preset = dsfab.load_preset(DOME_MODES)
     check_points(preset, [{"pattern.major.phase": 0.5}])
     with pytest.raises(PresetError) as refused:

@@ -7,7 +7,7 @@ import pytest
 from dsfab.study.sweeps.folder import SweepFolder, best, prepare
 from dsfab.study.sweeps.plan import Constraint, Plan, plan_from
 from dsfab.study.sweeps.runs import FAILED, MISSED, NOT_MADE, RunRow, cost, digest, search
-from tests.study.test_sweep_folder import Hands, measured, plan, swept
+from tests.study.sweep_folders import Hands, measured, plan, swept
 
 SPACE = {"a": {"from": 0.0, "to": 1.0}, "b": {"from": 0.01, "to": 100.0, "log": True}, "n": {"from": 1, "to": 6}}
 
@@ -42,7 +42,7 @@ class Landscape:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_it_finds_the_valley_in_as_many_runs_as_it_may(seed):
+def test_the_search_finds_the_minimum_within_its_number_of_runs(seed):
     land = Landscape()
     search(asked(seed=seed), land.make)
     assert len(land.rows) == 240
@@ -51,7 +51,7 @@ def test_it_finds_the_valley_in_as_many_runs_as_it_may(seed):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_it_keeps_to_constraints_and_passes_failures_by(seed):
+def test_the_search_keeps_constraints_and_skips_failures(seed):
     limits = [Constraint.from_text("pieces <= 2")]
     land = Landscape(lambda changes: changes["a"] < 0.4)
     search(asked(seed=seed, constraints=["pieces <= 2"]), land.make)
@@ -61,13 +61,13 @@ def test_it_keeps_to_constraints_and_passes_failures_by(seed):
     assert found.metrics["compliance"] == pytest.approx(exp(8 * 0.01 + 0.3 * 4), rel=0.05)
 
 
-def test_it_looks_for_more_where_more_is_better():
+def test_the_search_maximises_metrics_where_more_is_better():
     rows = [RunRow(n, {}, "done", {"buckling": float(n), "pieces": 1.0}) for n in (1, 2)]
     assert cost(rows[1], "buckling", []) < cost(rows[0], "buckling", [])
     assert cost(rows[0], "pieces", []) == cost(rows[1], "pieces", []) == 0.0
 
 
-def test_what_is_worse_than_what():
+def test_the_cost_ranks_failures_below_broken_constraints_below_values():
     one = Constraint.from_text("pieces == 1")
     good = cost(RunRow(1, {}, "done", {"compliance": 1e30, "pieces": 1.0}), "compliance", [one])
     near = cost(RunRow(2, {}, "done", {"compliance": 1e-30, "pieces": 2.0}), "compliance", [one])
@@ -76,7 +76,7 @@ def test_what_is_worse_than_what():
     assert good < MISSED < near < far < failed == FAILED < cost(None, "compliance", [one]) == NOT_MADE
 
 
-def test_it_plays_itself_again_and_can_be_extended():
+def test_the_search_is_reproducible_and_can_be_extended():
     whole = Landscape()
     search(asked(), whole.make)
     again = Landscape()

@@ -26,7 +26,7 @@ from tests.benchmarks.solid_designs import LATER, NAMED, drawn_design, segment
 from tests.benchmarks.solid_truth import limit, read
 from tests.benchmarks.solid_wedges import solid_compliance
 from tests.calculix import needs_ccx
-from tests.zoo import grid, jittered, sphere
+from tests.shapes import glued, grid, jittered, sphere, windows
 
 SOFT = Material(1e9, 0.25, 1.0)
 STRIP = {"length": 4.0, "width": 0.4}
@@ -43,7 +43,7 @@ def softened(surface, fixed, force, thickness, material=SOFT, clamped=()):
     return found, answer.compliance
 
 
-def cantilever(force, thickness, cells=(40, 4), material=SOFT):
+def loaded_strip(force, thickness, cells=(40, 4), material=SOFT):
     """A strip that is built in at x = 0, with forces (k, 3) on the vertices of its tip, from one side to the other."""
     surface = grid(*cells, *STRIP.values())
     x, y = surface.V[:, 0], surface.V[:, 1]
@@ -69,7 +69,7 @@ def test_a_strip_that_is_twisted_is_a_bar(thickness):
     its ends it is built in, and pressed by forces on points."""
     pair = np.zeros((5, 3))
     pair[[0, 4], 2] = 1.0, -1.0
-    found, _ = cantilever(pair, thickness)
+    found, _ = loaded_strip(pair, thickness)
     exact = 1 / torsion_share(np.array(STRIP["width"] / thickness)) - 1
     assert found.torsion == pytest.approx(exact, rel=0.08)
 
@@ -77,7 +77,7 @@ def test_a_strip_that_is_twisted_is_a_bar(thickness):
 def test_a_strip_that_is_bent_is_no_softer_but_for_shear():
     """F^2 L 6 / (5 G w h) of shear over F^2 L^3 / (3 E I) [Timoshenko 1921]."""
     thickness, material = 0.4, replace(SOFT, poisson=0.0)
-    found, compliance = cantilever(
+    found, compliance = loaded_strip(
         np.array([[0, 0, 1.0]] * 5) * [[0.5], [1], [1], [1], [0.5]], thickness, material=material
     )
     length, width = STRIP.values()
@@ -87,21 +87,12 @@ def test_a_strip_that_is_bent_is_no_softer_but_for_shear():
 
 
 def test_a_sheet_that_is_pulled_has_neither():
-    found, _ = cantilever(np.array([[1.0, 0, 0]] * 5), 0.2)
+    found, _ = loaded_strip(np.array([[1.0, 0, 0]] * 5), 0.2)
     assert found == pytest.approx((0.0, 0.0, 0.0), abs=1e-9)
 
 
-def windows(width=2, cells=24):
-    """A plate of 1 m with square windows, ribs `width` of 24 cells wide."""
-    even = grid(cells, cells, 1.0, 1.0)
-    square = np.floor(even.centroids[:, :2] * cells).astype(int)
-    kept = even.F[((square % 6 < width) | (square >= cells - width)).any(axis=1)]
-    used, F = np.unique(kept, return_inverse=True)
-    return Surface(even.V[used], F.reshape(-1, 3))
-
-
 @pytest.mark.parametrize("width", [1, 2, 3])
-def test_ribs_are_as_wide_as_they_are_between_windows(width):
+def test_measured_rib_widths_equal_the_width_between_windows(width):
     surface = windows(width)
     shape = rib_shape(surface)
     place = (surface.centroids[:, :2] * 24) % 6
@@ -125,19 +116,18 @@ def test_widths_turn_with_the_sheet_and_a_closed_one_has_none():
     assert np.isinf(rib_shape(sphere(1)).widths).all()
 
 
-def ring(width, sides):
+def ring_around_polygon(width, sides):
     """A ring of 96 steps around an opening of 2 m that has so many sides."""
     around = grid(96, 6, 2 * np.pi, width)
     turn, half = around.V[:, 0], np.pi / sides
     side = np.cos(half) / np.cos(turn % (2 * half) - half) * (1 + around.V[:, 1])
     V = np.stack([side * np.cos(turn), side * np.sin(turn), 0 * turn], axis=1)
-    _, first, of = np.unique(V.round(9), axis=0, return_index=True, return_inverse=True)
-    return Surface(V[first], of.reshape(-1)[around.F])
+    return glued(Surface(V, around.F))
 
 
 def test_rough_outlines_do_not_make_ribs_narrow():
     """A ring of twelve sides: the kinks of its outer border are not two sides of a rib."""
-    found = rib_shape(ring(0.3, 12)).widths
+    found = rib_shape(ring_around_polygon(0.3, 12)).widths
     assert found.min() > 0.99 * 0.3 * np.cos(np.pi / 12)
     assert found.max() < 0.3
 
@@ -145,10 +135,10 @@ def test_rough_outlines_do_not_make_ribs_narrow():
 @pytest.mark.parametrize("width", [0.02, 0.05])
 def test_a_slender_ring_is_no_disc(width):
     """Of discs that began as large as the ring the next touching points were neighbours: half of it was 2 m wide."""
-    assert rib_shape(ring(width, 96)).widths == pytest.approx(width, rel=0.02)
+    assert rib_shape(ring_around_polygon(width, 96)).widths == pytest.approx(width, rel=0.02)
 
 
-def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
+def test_ribs_soften_a_verdict_in_bending_only():
     surface = windows()
     x = surface.V[:, 0]
     fixed = np.repeat((x < 1e-9)[:, None], 3, axis=1)
@@ -164,7 +154,7 @@ def test_ribs_of_a_design_are_told_by_the_first_mesh_and_not_in_the_plane():
 SOLIDS = read(Path(str(TABLE)).parent / "solids.csv")
 
 
-def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
+def test_the_verdict_intervals_contain_the_solids_of_the_table():
     assert len(SOLIDS) >= 60
     assert len({row.kind for row in SOLIDS}) >= 20
     assert min(row.share for row in SOLIDS) < 0.3
@@ -176,7 +166,7 @@ def test_the_solids_of_the_table_lie_within_what_verdicts_say_of_them():
     assert all(row.theory == 0 and row.inside() for row in flat)
 
 
-def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_is_not_wide():
+def test_the_verdict_intervals_hold_for_unseen_designs_and_are_narrow():
     """Those of seed 3 were drawn when the form stood; the others were seen while it was chosen."""
     assert sum(row.kind in LATER and row.seed == 3 for row in SOLIDS) == 8
     later = [row for row in SOLIDS if row.kind in LATER]
@@ -187,7 +177,7 @@ def test_what_is_said_of_solids_holds_for_designs_that_it_was_not_chosen_on_and_
     assert max(row.gap for row in bent) > 1  # ribs thinner than wide that are twisted: four times as soft
 
 
-def test_named_designs_lie_within_what_is_said_of_them():
+def test_the_verdict_intervals_contain_the_named_designs():
     named = {row.kind: row for row in SOLIDS if row.kind in NAMED}
     assert set(NAMED) - set(named) == {"tower, thin"}  # told to be unknown: its equations are not solved well enough
     assert all(row.inside() for row in named.values())

@@ -27,19 +27,8 @@ from dsfab.study.verdict.estimates import QUICK_ERRORS, estimate, limit_at_own_r
 from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, finer, level, meshes, on_mesh, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
-from tests.zoo import grid, jittered, lifted, moebius, sphere
-
-STEEL = Material(210e9, 0.3, 7850.0)
-
-
-def plate(cells=10, pressure=1e3, thickness=0.01):
-    """A square plate of 1 m on simple supports under pressure."""
-    surface = jittered(grid(cells, cells, 1.0, 1.0))
-    edge = np.zeros(surface.n, dtype=bool)
-    edge[surface.edges.ends[surface.edges.boundary]] = True
-    force = np.outer(surface.vertex_areas, [0.0, 0.0, -pressure])
-    load = LoadCase(np.repeat(edge[:, None], 3, axis=1), force, np.zeros(surface.n, dtype=bool))
-    return LoadedSurface(surface, SheetMaterial(STEEL, thickness), {"load": load})
+from tests.shapes import grid, jittered, lifted, moebius, sphere
+from tests.study.pressed_plates import STEEL, pressed_plate
 
 
 def navier(pressure, thickness):
@@ -63,7 +52,7 @@ def cantilever():
 
 
 def test_the_compliance_of_a_full_plate_lies_inside_the_bound():
-    setting = plate()
+    setting = pressed_plate()
     verdict = check(setting, whole_sheet(setting.surface))
     known = navier(1e3, 0.01)
     assert verdict.status == "pass"
@@ -113,7 +102,7 @@ SLICED = {
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", list(SLICED))
-def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
+def test_a_cut_full_sheet_has_the_stiffness_of_the_uncut_sheet(name):
     """Slivers cost conditioning, not accuracy: 0.7 % and a residual of 1e-8 at snap 0.05."""
     surface = SLICED[name]()
     cells = cut(surface, *stripes(surface), 0.05)
@@ -169,7 +158,7 @@ def test_points_of_finer_meshes_lie_on_the_sphere_and_flat_and_creased_faces_sta
     assert 0 < np.linalg.norm(strip.bulge, axis=1).max() < 0.01
 
 
-def test_a_design_in_the_plane_is_judged_and_the_quick_level_says_what_it_is():
+def test_a_plane_design_gets_a_verdict_and_the_quick_level_is_marked():
     row = next(row for row in shipped_table() if row.kind == "cantilever" and row.seed == 3)
     design = random_design("cantilever", 3)
     verdict, quick = check(design), check(design, depth="quick")
@@ -205,8 +194,8 @@ def test_a_dome_is_judged_and_agrees_with_the_table():
     assert any("off the smooth surface" in text for text in verdict.warnings)
 
 
-def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
-    setting = plate(6)
+def test_the_verdict_lists_load_cases_with_the_governing_case_first():
+    setting = pressed_plate(6)
     load = setting.loads["load"]
     both = replace(setting, loads={"light": load, "heavy": load.with_forces(2 * load.force)})
     verdict = check(both, whole_sheet(setting.surface))
@@ -215,8 +204,8 @@ def test_cases_are_judged_one_by_one_and_the_governing_one_comes_first():
     assert verdict.reason.startswith("heavy: ")
 
 
-def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_with_them():
-    setting = plate(10)
+def test_pieces_without_support_are_dropped_and_listed_without_their_load():
+    setting = pressed_plate(10)
     surface = setting.surface
     x = surface.V[:, 0]
     # strips across the plate; the boundary holds all, so hold one side only
@@ -238,8 +227,8 @@ def test_pieces_that_reach_no_support_are_dropped_and_listed_and_take_no_load_wi
     assert lost.record()["value"] is None
 
 
-def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
-    setting = plate(10)
+def test_a_mechanism_fails_and_a_sheet_too_large_to_solve_is_unknown():
+    setting = pressed_plate(10)
     surface, load = setting.surface, setting.loads["load"]
     x = surface.V[:, 0]
     one_side = replace(load, fixed=np.repeat((x < 0.01)[:, None], 3, axis=1))
@@ -267,7 +256,7 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
 
 
 def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_budget(monkeypatch):
-    setting = plate()
+    setting = pressed_plate()
     sheet = whole_sheet(setting.surface)
     next_mesh = MAIN_ELEMENTS.unknowns(finer(sheet, SmoothSurface.from_surface(setting.surface)).surface)
     for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
@@ -280,9 +269,11 @@ import sys
 from pathlib import Path
 from dsfab.core.sparse import solver_name
 from dsfab.study.verdict.levels import MAIN, level, memory_needed
-from tests.study.test_verdict import on_mesh, plate, shares, whole_sheet
+from dsfab.study.verdict.levels import on_mesh, shares
+from tests.study.pressed_plates import pressed_plate
+from dsfab.study.verdict import whole_sheet
 
-setting = plate(int(sys.argv[1]))
+setting = pressed_plate(int(sys.argv[1]))
 sheet = whole_sheet(setting.surface)
 given = on_mesh(setting.surface, sheet, setting.loads, shares(sheet, setting.loads))
 def held():  # what `resource` tells begins with what the process held that started this one
@@ -298,12 +289,12 @@ print((held() - before) / needed)
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux says how much a process itself held at most")
-def test_a_solve_takes_about_the_memory_that_is_told_before():
+def test_a_solution_takes_about_the_predicted_memory():
     ran = subprocess.run([sys.executable, "-c", SOLVE, "100"], capture_output=True, text=True, check=True)
     assert 0.6 < float(ran.stdout) < 1.1
 
 
-def test_the_bound_follows_the_largest_of_what_is_known():
+def test_the_error_bound_follows_its_largest_part():
     calm = estimate([1.0, 1.0], 0.0, 0.0)
     assert (calm.value, calm.bound) == (1.0, pytest.approx(0.003))
     assert estimate([0.9, 1.0], 0.0, 0.0).value == pytest.approx(1.05)
@@ -331,7 +322,7 @@ def test_steps_that_turn_back_or_grow_are_not_believed():
     assert growing.bound > even.bound > turning.bound
 
 
-def test_the_shipped_table_keeps_what_the_bounds_promise():
+def test_the_shipped_table_obeys_the_bounds():
     rows = shipped_table()
     assert {row.kind for row in rows} == set(KINDS)
     assert len(rows) >= 40

@@ -8,7 +8,7 @@ from dsfab.slicing import Sheet
 from dsfab.statics import Material, SheetMaterial
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.surface import LoadCase, Surface
-from tests.zoo import lifted
+from tests.shapes import lifted
 
 
 def wavy() -> LoadedSurface:

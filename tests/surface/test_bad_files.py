@@ -79,7 +79,7 @@ def cases():
 
 
 @pytest.mark.parametrize("file", [*cases()], ids=lambda file: file.name)
-def test_a_bad_file_is_what_it_says_or_it_is_told(file, tmp_path):
+def test_a_bad_file_is_read_as_it_claims_or_refused(file, tmp_path):
     found = outcome(written(file, tmp_path))
     if file.faces is None:
         assert isinstance(found, str), found.record
@@ -140,7 +140,7 @@ def test_a_file_that_is_cut_off_at_any_byte_is_never_another_surface_in_silence(
         ("off", "3 2 3 1 255", False),
     ],
 )
-def test_a_last_line_without_an_end_is_told_where_it_may_be_cut(name, last, cut, tmp_path):
+def test_a_truncated_last_line_is_reported(name, last, cut, tmp_path):
     points = [f"{x} {x * x} 0" for x in range(12)]
     if name == "off":
         text = "\n".join(["OFF", "12 1 0", *points, last])
@@ -160,7 +160,7 @@ def test_gltf_takes_its_numbers_from_beside(tmp_path):
     assert "cut off" in outcome(path)
 
 
-def test_what_is_too_large_is_refused_before_it_is_read_and_the_limit_can_be_lifted(tmp_path):
+def test_a_mesh_over_the_limit_is_refused_before_reading(tmp_path):
     path = written(BadFile("plain.obj", obj(), len(F)), tmp_path)
     with pytest.raises(SurfaceError, match=r"has \d+ triangles, but 5 is the limit; .*--max-triangles"):
         read_surface(path, max_triangles=5)
@@ -179,7 +179,7 @@ def test_what_is_too_large_is_refused_before_it_is_read_and_the_limit_can_be_lif
         Budget(started=time.monotonic() - 241).require_time()
 
 
-def test_halves_with_exact_twins_are_joined_and_others_are_left_apart(tmp_path):
+def test_halves_with_exact_twin_edges_are_joined(tmp_path):
     """Two boxes' halves meet in every free edge; two plates side by side do not."""
     cube = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], dtype=float)
     quads = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
@@ -276,7 +276,7 @@ def test_small_polygons_are_cut_alone_as_together():
         assert_allclose(np.sort(alone.reshape(40, -1), axis=1).min(axis=1), 0)
 
 
-def test_a_polygon_that_crosses_itself_is_cut_as_a_fan_and_told(tmp_path):
+def test_a_polygon_that_crosses_itself_becomes_a_fan_with_a_note(tmp_path):
     a = 2 * np.pi * np.arange(40) / 40
     eight = np.stack([np.cos(a), np.sin(2 * a) * (1 + 0.3 * np.cos(a)), 0 * a], axis=1)
     assert large_polygon_triangles(eight) is None

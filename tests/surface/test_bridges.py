@@ -52,7 +52,7 @@ def test_the_same_surface_comes_from_every_library(kind: str) -> None:
     assert surface.area == pytest.approx(Surface.from_mesh(V, [QUAD, TRIANGLE]).area, rel=0.05)
 
 
-def test_units_are_those_that_are_given_or_said() -> None:
+def test_the_unit_comes_from_the_argument_or_from_the_mesh() -> None:
     mesh = trimesh.Trimesh(1000 * V, TRIANGLES, process=False)
     assert np.allclose(Surface.of(mesh, "mm").V, V)
     mesh.units = "mm"
@@ -88,7 +88,7 @@ def test_merged_vertices_keep_their_order_and_polygons_their_corners() -> None:
         Surface.of(SimpleNamespace(vertices=W * np.nan, faces=TRIANGLES))
 
 
-def test_pieces_that_vertices_at_the_same_place_part_are_told_so() -> None:
+def test_duplicate_vertices_that_part_pieces_give_a_hint() -> None:
     cap = trimesh.creation.icosphere(3, 5.0).slice_plane([0, 0, 0.5], [0, 0, 1])
     given = {"loads": [dsfab.SelfWeight()], "statics": {"thickness": 0.05}}
     free = "piece 2 of 49 can turn .*: .* pick more vertices .*"
@@ -124,12 +124,12 @@ def test_faces_are_turned_the_same_way_and_a_surface_is_itself() -> None:
         ({}, "is no mesh that dsfab knows"),
     ],
 )
-def test_what_is_no_surface_is_refused_in_a_sentence(mesh: dict, says: str) -> None:
+def test_an_object_that_is_no_surface_is_refused_in_one_sentence(mesh: dict, says: str) -> None:
     with pytest.raises(SurfaceError, match=says):
         Surface.of(SimpleNamespace(**mesh))
 
 
-def test_there_and_back(design: dsfab.Design) -> None:
+def test_a_surface_survives_the_round_trip_to_trimesh_and_pyvista(design: dsfab.Design) -> None:
     for ours in (design.surface, design.sheet.surface):
         for theirs in (ours.to_trimesh(), ours.to_pyvista()):
             back = Surface.of(theirs)
@@ -168,12 +168,12 @@ def test_a_solid_is_a_shape_for_cad() -> None:
     assert len(shape.faces()) == 6
 
 
-def test_what_is_no_solid_is_none_for_manifold() -> None:
+def test_manifold_refuses_an_open_mesh() -> None:
     with pytest.raises(SolidError, match="rejects the solid"):
         Solid(V, TRIANGLES, 0, 1).to_manifold()
 
 
-def test_compas_takes_and_gives_the_same_mesh_and_keeps_it_through_its_own_json(design: dsfab.Design) -> None:
+def test_a_mesh_survives_the_round_trip_through_compas(design: dsfab.Design) -> None:
     for part in (design.surface, design.sheet, design.solid):
         again = compas.json_loads(compas.json_dumps(part.to_compas()))
         vertices, triangles = again.to_vertices_and_faces()
@@ -198,7 +198,7 @@ def test_members_are_a_graph_of_compas_whose_edges_are_bays(design: dsfab.Design
     assert 0.9 * closest <= graph.number_of_edges() <= closest
 
 
-def test_flat_parts_are_curves_of_compas_that_enclose_what_is_cut() -> None:
+def test_flat_parts_become_compas_curves_around_the_material() -> None:
     outline = np.array([[0, 0], [1, 0], [1.2, 0.2], [0, 0.2]])
     part = FlatPart(
         "A01",

@@ -15,7 +15,7 @@ from dsfab.surface.files import drawings, separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes
-from tests.zoo import grid
+from tests.shapes import grid
 
 build123d = pytest.importorskip("build123d")
 rhino3dm = pytest.importorskip("rhino3dm")
@@ -53,7 +53,7 @@ def on_layer(model, name):
     return attributes
 
 
-def roof(size=1.0):
+def quad_roof(size=1.0):
     """4 x 3 m in 48 quads, a parabola .8 m high."""
     x, y = np.meshgrid(np.linspace(0, 4, 9), np.linspace(0, 3, 7), indexing="ij")
     V = size * np.stack([x, y, 0.8 * (1 - (x / 2 - 1) ** 2)], axis=-1).reshape(-1, 3)
@@ -76,7 +76,7 @@ def rhino_file(path, *meshes, unit=None):
 
 def test_meshes_of_rhino_in_its_unit(tmp_path, within):
     """Quads cut in two; two meshes that share an edge are one sheet; triangles and quads beside each other."""
-    V, faces = roof(1000.0)
+    V, faces = quad_roof(1000.0)
     left, right = faces[:24], faces[24:]
     path = rhino_file(
         tmp_path / "roof.3dm", rhino_mesh(V, left), rhino_mesh(V, right), unit=rhino3dm.UnitSystem.Millimeters
@@ -89,8 +89,8 @@ def test_meshes_of_rhino_in_its_unit(tmp_path, within):
     assert mixed.m == 3
 
 
-def test_meshes_in_blocks_stand_where_they_are_inserted(tmp_path, within):
-    V, faces = roof()
+def test_meshes_of_blocks_are_placed_at_their_insertions(tmp_path, within):
+    V, faces = quad_roof()
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Meters
     model.InstanceDefinitions.Add(
@@ -105,7 +105,7 @@ def test_meshes_in_blocks_stand_where_they_are_inserted(tmp_path, within):
     assert np.ptp(surface.V, axis=0) == pytest.approx([8, 3, 0.8], rel=1e-6)
 
 
-def test_surfaces_of_rhino_without_a_mesh_are_told(tmp_path, within):
+def test_rhino_surfaces_without_a_mesh_are_refused_with_advice(tmp_path, within):
     sphere = rhino3dm.Sphere(rhino3dm.Point3d(0, 0, 0), 2.0).ToBrep()
     model = rhino3dm.File3dm()
     model.Objects.AddBrep(sphere)
@@ -114,7 +114,7 @@ def test_surfaces_of_rhino_without_a_mesh_are_told(tmp_path, within):
         SurfaceError, match=r"alone.3dm: the file has 1 surface without a mesh; make a mesh in Rhino \(Mesh\)"
     ):
         read_surface(alone)
-    model.Objects.AddMesh(rhino_mesh(*roof()))
+    model.Objects.AddMesh(rhino_mesh(*quad_roof()))
     assert "1 surface saved without its mesh" in raw_mesh(saved(model, tmp_path / "both.3dm")).record.dropped
     empty = saved(rhino3dm.File3dm(), tmp_path / "empty.3dm")
     with pytest.raises(SurfaceError, match=r"empty.3dm: the file has no mesh; make a mesh in Rhino"):
@@ -143,7 +143,7 @@ def test_meshes_of_dxf(tmp_path):
     import ezdxf
     from ezdxf.render import MeshBuilder
 
-    V, faces = roof(1000.0)
+    V, faces = quad_roof(1000.0)
     builder = MeshBuilder()
     builder.add_mesh(vertices=V.tolist(), faces=faces)
     for kind in ("mesh", "polyface", "3dfaces", "block"):
@@ -193,7 +193,7 @@ def test_faces_of_a_dxf_are_cut_together_and_damaged_numbers_recovered(tmp_path,
         assert counts == {"cuts": number + 1, "recoveries": number}
 
 
-def test_a_gltf_with_its_numbers_beside_it(tmp_path):
+def test_a_gltf_file_with_a_separate_buffer_is_read(tmp_path):
     s = grid(4, 3, 4.0, 3.0)
     upright = np.stack([s.V[:, 0], s.V[:, 2], -s.V[:, 1]], axis=1)
     for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(trimesh.Trimesh(upright, s.F))).items():
@@ -232,7 +232,7 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_holds_no_surface_is_told_in_a_sentence(tmp_path, what, within):
+def test_a_file_without_a_surface_is_refused_in_one_sentence(tmp_path, what, within):
     name, content, said = WRONG[what]
     path = tmp_path / name
     if callable(content):
@@ -244,9 +244,9 @@ def test_what_holds_no_surface_is_told_in_a_sentence(tmp_path, what, within):
 
 
 @APART
-def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
+def test_foreign_readers_run_in_a_process_whose_crash_is_reported(tmp_path, monkeypatch):
     """The same files by the program; one that breaks it, and one that takes too long."""
-    V, faces = roof()
+    V, faces = quad_roof()
     rhino = rhino_file(tmp_path / "roof.3dm", rhino_mesh(V, faces))
     step = tmp_path / "plane.step"
     build123d.export_step(build123d.Face.make_rect(4000, 3000), step)
@@ -267,7 +267,7 @@ def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
 
 def site(path, marks, unit=None):
     """A roof in Rhino with points and curves on layers: (layer, rows), a curve where there is more than one row."""
-    V, faces = roof()
+    V, faces = quad_roof()
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = unit or rhino3dm.UnitSystem.Meters
     model.Objects.AddMesh(rhino_mesh(V, faces))
@@ -293,7 +293,7 @@ MARKS = [
 ]
 
 
-def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
+def test_layers_of_a_3dm_file_become_supports_and_loads(tmp_path, within):
     """Points and curves on four layers become pickers; what is on others stays a drawing."""
     proposal = propose(site(tmp_path / "site.3dm", MARKS))
     preset, text = proposal.preset, "\n".join(proposal.lines)
@@ -315,7 +315,7 @@ def test_one_file_says_where_it_stands_and_what_it_carries(tmp_path, within):
     assert again["pattern"]["region"][1]["at"] == {"pick": "curve", "file": "site.3dm", "layer": "void", "unit": "m"}
 
 
-def test_marks_in_millimetres_and_what_encloses_nothing(tmp_path, within):
+def test_marks_in_millimetres_are_scaled_and_open_marks_are_ignored(tmp_path, within):
     rows = [(layer, [tuple(1000 * x for x in row) for row in rows]) for layer, rows in [*MARKS, ("void", [(1, 1, 0)])]]
     path = site(tmp_path / "site.3dm", rows, rhino3dm.UnitSystem.Millimeters)
     with pytest.raises(SurfaceError, match="marks on layer 'support', but its surface lies on its side; turn"):
@@ -329,7 +329,7 @@ def test_dxf_has_layers_too(tmp_path, away):
     from ezdxf.render import MeshBuilder
 
     document = ezdxf.new(units=6)
-    V, faces = roof()
+    V, faces = quad_roof()
     builder = MeshBuilder()
     builder.add_mesh(vertices=(V + [away, 0, 0]).tolist(), faces=faces)
     builder.render_mesh(document.modelspace())

@@ -9,19 +9,13 @@ from dsfab.surface.loads.load_case import Pressure, Snow, Wind
 from dsfab.surface.loads.pickers import Boundary, Box, Facing
 from dsfab.surface.orientation import corner_sides, flips_along_tree, one_sided_pieces
 from dsfab.surface.topology import boundary_loops, euler_characteristic, misoriented_edges, pieces
-from tests.zoo import ZOO, moebius, projective_plane, sphere, zoo
-
-
-def turned(surface: Surface, seed: int = 0) -> tuple[Surface, np.ndarray]:
-    """The surface with some of its faces turned over, and which."""
-    flips = np.random.default_rng(seed).random(surface.m) < 0.4
-    return Surface(surface.V, np.where(flips[:, None], surface.F[:, ::-1], surface.F)), flips
+from tests.shapes import ZOO, moebius, projective_plane, sphere, with_mixed_sides, zoo
 
 
 @zoo
 def test_sides_do_not_depend_on_how_the_faces_are_turned(name):
     surface = ZOO[name]()
-    mixed, flips = turned(surface)
+    mixed, flips = with_mixed_sides(surface)
     before, after = (corner_sides(s.F, s.edges) for s in (surface, mixed))
     after = np.where(flips[:, None], -after[:, ::-1], after)  # in the corners, and on the side, of the face as it was
     for vertex in range(surface.n):
@@ -36,15 +30,15 @@ def test_every_side_of_an_oriented_surface_is_the_first():
 
 def test_neighbours_around_a_vertex_lie_on_the_side_that_the_sides_say():
     """Normals of neighbours nearly agree on a fine strip, once each is turned to the first face's side."""
-    strip, _ = turned(moebius(120, 6, 0.4))
+    strip, _ = with_mixed_sides(moebius(120, 6, 0.4))
     sides = corner_sides(strip.F, strip.edges)
     N = strip.normals[:, None] * sides[:, :, None]
     total = np.stack([np.bincount(strip.F.ravel(), N[..., i].ravel()) for i in range(3)], axis=1)
     assert (np.einsum("mvi,mi->mv", total[strip.F], strip.normals) * sides > 0).all()
 
 
-def test_pieces_with_one_side_are_found_beside_others():
-    strip, ball = moebius(), turned(sphere(1))[0]
+def test_one_sided_pieces_are_detected_beside_two_sided_ones():
+    strip, ball = moebius(), with_mixed_sides(sphere(1))[0]
     both = Surface(np.concatenate([strip.V, ball.V + [5, 0, 0]]), np.concatenate([strip.F, ball.F + strip.n]))
     assert np.array_equal(one_sided_pieces(both.F, both.edges), np.arange(both.m) < strip.m)
     boy = projective_plane()
@@ -53,7 +47,7 @@ def test_pieces_with_one_side_are_found_beside_others():
 
 
 def test_along_a_tree_only_a_short_seam_disagrees():
-    strip, _ = turned(moebius(60, 4))
+    strip, _ = with_mixed_sides(moebius(60, 4))
     flips = flips_along_tree(strip.F, strip.edges)
     F = np.where(flips[:, None], strip.F[:, ::-1], strip.F)
     assert len(misoriented_edges(strip.F, strip.edges)) > 100
@@ -62,7 +56,7 @@ def test_along_a_tree_only_a_short_seam_disagrees():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_one_boundary_of_a_strip_is_one_loop(seed):
-    strip, _ = turned(moebius(), seed)
+    strip, _ = with_mixed_sides(moebius(), seed)
     (loop,) = boundary_loops(strip.F, strip.edges)
     ends = strip.edges.ends[strip.edges.boundary]
     assert len(loop) == len(ends) == 80
@@ -71,8 +65,8 @@ def test_the_one_boundary_of_a_strip_is_one_loop(seed):
     assert Boundary(0).vertices(strip).sum() == 80
 
 
-def test_a_strip_is_read_from_a_file_as_it_is(tmp_path):
-    strip, _ = turned(moebius())
+def test_a_one_sided_strip_is_read_from_a_file_unchanged(tmp_path):
+    strip, _ = with_mixed_sides(moebius())
     path = tmp_path / "strip.obj"
     path.write_text(
         "".join(f"v {x!r} {y!r} {z!r}\n" for x, y, z in strip.V.tolist())
@@ -85,7 +79,7 @@ def test_a_strip_is_read_from_a_file_as_it_is(tmp_path):
 
 
 @pytest.mark.parametrize("load", [Pressure(1.0), Wind(1.0, (1, 0, 0))], ids=["pressure", "wind"])
-def test_what_needs_an_outside_is_refused(load):
+def test_loads_that_need_an_outside_refuse_a_one_sided_surface(load):
     with pytest.raises(SurfaceError, match=r"needs an outside, but 320 of its faces .* one side only"):
         load.forces(moebius(), 1.0)
 

@@ -13,7 +13,7 @@ from dsfab.surface.files.drawings import SAME_PLACE, _loops, read_dxf
 from dsfab.surface.files.reading import DrawingBudget
 from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
-from tests.surface.test_outlines import drawing
+from tests.surface.outline_drawings import drawing
 
 
 def test_a_grid_of_insertions_has_all_its_curves(tmp_path):
@@ -63,7 +63,7 @@ def test_blocks_within_blocks_are_bounded(tmp_path):
         loops_of(tmp_path / "many.dxf")
 
 
-def test_a_drawing_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+def test_a_drawing_over_the_size_limit_is_refused_before_reading(tmp_path):
     for name in ("a.dxf", "a.3dm"):
         with (tmp_path / name).open("wb") as file:
             file.truncate(10**9)  # no byte of it is on the disk
@@ -77,7 +77,7 @@ def test_a_drawing_that_is_too_large_is_refused_before_it_is_read(tmp_path):
 
 
 @pytest.mark.parametrize("name", ENTITIES)
-def test_a_drawing_that_is_cut_off_is_never_another_one(name, tmp_path):
+def test_a_truncated_drawing_is_refused_or_gives_the_same_curves(name, tmp_path):
     """At every byte of a small file: refused, or the same curves."""
     data = dxf(ENTITIES[name])
     whole = written(tmp_path / "whole.dxf", data)
@@ -92,7 +92,7 @@ def written(path: Path, data: bytes) -> tuple[np.ndarray, ...]:
     return loops_of(path)
 
 
-def test_numbers_that_are_none_are_refused_and_said(tmp_path):
+def test_invalid_numbers_in_a_drawing_are_refused_with_their_place(tmp_path):
     for k, (old, new) in enumerate((("40 3", "40 nan"), ("10 1", "10 1e300"), ("40 3", "40 1e13"))):
         data = dxf(ENTITIES["circle"].replace(old, new))
         with pytest.raises(SurfaceError, match=r"a CIRCLE has (radius|center) = "):
@@ -144,7 +144,7 @@ def test_the_diagonal_is_that_of_every_curve():
             list(_loops([spatial(open_)], "here", DrawingBudget()))
 
 
-def test_runs_of_many_points_are_joined_at_their_last_ones():
+def test_runs_of_many_points_are_joined_at_their_ends():
     there, back = [[1, 1], [1.5, 1], [2, 1]], [[1, 1], [1.2, 2], [1.8, 2], [2, 1]]
     assert curves(there, back) == [spatial([*there, *back[2:0:-1]]).tolist()]
 

@@ -23,7 +23,7 @@ TETRAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]])
 OCTAHEDRON = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 4], [0, 4, 1], [5, 2, 1], [5, 3, 2], [5, 4, 3], [5, 1, 4]])
 
 
-def tube(levels):
+def tube_of_triangles(levels):
     """A tube of triangular rings, open at both ends."""
     below = [(3 * z + k, 3 * z + (k + 1) % 3) for z in range(levels - 1) for k in range(3)]
     return np.array([f for a, b in below for f in ((a, b, b + 3), (a, b + 3, a + 3))])
@@ -49,8 +49,8 @@ def test_a_diagonal_that_is_an_edge_already_is_not_new(F, new):
     assert (has_new_diagonal(quads(F, edges.pairs), edges, F.max() + 1) == new).all()
 
 
-def test_the_link_condition_refuses_what_would_pinch_a_tube():
-    F = tube(4)
+def test_the_link_condition_refuses_a_collapse_that_pinches_a_tube():
+    F = tube_of_triangles(4)
     edges = edge_table(F)
     fine = meets_link_condition(edges, np.arange(len(edges.ends)), F.max() + 1)
     ring = edges.ends[:, 0] // 3 == edges.ends[:, 1] // 3
@@ -73,7 +73,7 @@ def test_collapsing_an_edge_that_may_be_keeps_the_topology():
 
 @given(seed=st.integers(0, 10_000), near=st.booleans())
 @settings(max_examples=30, deadline=None)
-def test_winners_are_those_before_all_that_they_touch(seed, near):
+def test_the_winning_edges_come_before_all_their_neighbours(seed, near):
     F = torus(edge=0.6).F
     edges, n, random = edge_table(F).ends, int(F.max()) + 1, np.random.default_rng(seed)
     touched = edges[random.permutation(len(edges))[: random.integers(0, 40)]]
@@ -97,6 +97,6 @@ def test_lengths_and_areas_of_a_known_triangle():
     assert face_angles(V, np.array([[0, 1, 1]])).tolist() == [[0, 0, 0]]
 
 
-def test_unit_vectors_of_any_shape_have_length_1_but_for_those_without_one():
+def test_unit_vectors_have_length_1_except_zero_vectors():
     x = np.array([[[3.0, 0, 4], [0, 0, 0]], [[0, -1e-100, 0], [0, 0, 1e-3]]])
     assert_allclose(unit_vectors(x), [[[0.6, 0, 0.8], [0, 0, 0]], [[0, -1, 0], [0, 0, 1]]])

@@ -88,7 +88,7 @@ def test_for_any_actions(kinds, rule):
         assert max((one.factors[case] for case in variable), default=0) <= (1.5 if one.limit_state == "ULS" else 1.0)
 
 
-def test_what_cannot_be_told_is_asked_for():
+def test_loads_without_a_category_are_listed():
     told = list(action_mistakes([DEAD, CROWD], {}, "EN 1990 6.10"))
     assert len(told) == 1
     assert "crowd (force) do not show their kind of action" in told[0]
@@ -114,7 +114,7 @@ def preset():
     return dsfab.Preset(name="roof", surface=surface, statics={"thickness": 0.1, "material": "GL24h"})
 
 
-def test_what_is_judged_in_which_limit_state(preset):
+def test_each_combination_belongs_to_its_limit_state(preset):
     names = [*("dead", "snow", "west"), *(one.name for one in preset.surface.sums)]
     assert all(name.startswith("ULS") for name in preset.followed_weights)
     assert preset.judged_in("ULS", names) == [name for name in names if name.startswith("ULS")]
@@ -123,7 +123,7 @@ def test_what_is_judged_in_which_limit_state(preset):
     assert plain.judged_in("ULS", ["dead", "snow"]) == ["dead", "snow"]
 
 
-def test_a_build_tells_what_governs(preset):
+def test_a_build_names_the_governing_combinations(preset):
     """Stress by 1.35 and 1.5, displacement without factors: each the largest of its limit state, solved anew."""
     design = Design.from_preset(preset)
     lines = case_lines(design)
@@ -146,7 +146,7 @@ def test_a_preset_with_a_standard_is_written_and_read_again(preset, tmp_path):
     assert dsfab.load_preset(path).surface.sums == given.surface.sums
 
 
-def test_a_case_of_which_nothing_is_known_is_refused():
+def test_a_load_case_of_unknown_action_is_refused():
     loads = [{"kind": "force", "at": {"pick": "all"}, "force": [0, 0, -1000.0], "case": "people"}]
     with pytest.raises(PresetError, match=r"case people \(force\) do not show their kind of action.*surface.actions"):
         dsfab.Preset(

@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.core.arrays import edge_lengths
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.figures import _Disc, _twist_solid
+from dsfab.surface.shapes.figures import _Disc, twisted_solid
 from dsfab.surface.shapes.implicit import (
     LevelSet,
     ball,
@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 )
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
-from tests.surface.test_shapes import angles
+from tests.shapes import corner_angles
 
 TOPOLOGY = {
     "camel_head": (1, 1),
@@ -63,9 +63,9 @@ def test_figures_have_the_topology_of_the_papers_meshes(name):
 
 
 @every_figure
-def test_figures_have_even_triangles_as_wide_as_asked(name):
+def test_figures_have_even_triangles_of_the_requested_edge(name):
     s = made(name)
-    smallest = angles(s).min(axis=1)
+    smallest = corner_angles(s).min(axis=1)
     assert smallest.min() > 20
     assert np.quantile(smallest, 0.01) > 35
     assert np.median(smallest) > 50
@@ -202,7 +202,7 @@ def test_the_camel_has_even_triangles_at_any_coarseness(coarser):
     """Its lips are 0.03 m apart, its ears 0.12 m thick: edges of 0.06 to 0.12 m leave out what they cannot show."""
     s = SHAPES["camel_head"](edge=coarser * 0.0149)
     assert (len(s.loops), euler_characteristic(s.F, s.edges)) == (1, 1)
-    assert angles(s).min() > 25
+    assert corner_angles(s).min() > 25
     length = edge_lengths(s.V, s.edges.ends)
     assert length.min() / length.max() > 0.33
     assert s.mean_edge == pytest.approx(coarser * 0.0149, rel=0.06)
@@ -221,7 +221,7 @@ def test_a_twisted_solid_turns_counter_clockwise_as_it_rises():
     z = np.linspace(0, 1, 7)
     for turn in (-0.4, 0.0, 1.3):
         helix = np.stack([np.cos(turn * z), np.sin(turn * z), z], axis=1)
-        away = _twist_solid(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
+        away = twisted_solid(lambda P: np.linalg.norm(P - np.stack([np.ones(7), np.zeros(7), z], axis=1), axis=1), turn)
         np.testing.assert_allclose(away(helix), 0, atol=1e-12)
 
 

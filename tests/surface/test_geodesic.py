@@ -9,7 +9,8 @@ from scipy.spatial import Delaunay
 
 from dsfab.surface import Surface
 from dsfab.surface.geodesic import Origins, geodesic_distances
-from tests.zoo import ZOO, grid, jittered, zoo
+from tests.shapes import ZOO, jittered, l_shape, zoo
+from tests.surface.prisms import prism
 
 
 def origins(surface: Surface, vertices=(), edges=None) -> Origins:
@@ -37,19 +38,9 @@ def scattered(count: int, seed: int) -> np.ndarray:
     return np.concatenate([np.random.default_rng(seed).random((count, 2)), [[0, 0], [1, 0], [0, 1], [1, 1]]])
 
 
-def prism(sides: int, rows: int, length: float) -> Surface:
-    """A tube of radius 1, open at both ends, with vertices at irregular places along its edges."""
-    i, j = np.meshgrid(np.arange(sides), np.arange(rows + 1), indexing="ij")
-    z = length * (j + np.random.default_rng(1).uniform(-0.4, 0.4, i.shape) * ((j > 0) & (j < rows))) / rows
-    turn = 2 * np.pi * i / sides
-    V = np.stack([np.cos(turn), np.sin(turn), z], axis=-1).reshape(-1, 3)
-    a, c = (i * (rows + 1) + j)[:, :-1].ravel(), ((i + 1) % sides * (rows + 1) + j)[:, :-1].ravel()
-    return Surface(V, np.concatenate([np.c_[a, c, a + 1], np.c_[c, c + 1, a + 1]]))
-
-
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 60), st.integers(0, 10**6), st.floats(0.01, 0.6))
-def test_on_a_flat_sheet_they_are_straight_whatever_the_mesh(count, seed, reach):
+def test_geodesic_distances_on_a_plane_are_straight_on_any_mesh(count, seed, reach):
     surface = flat(scattered(count, seed))
     for P, k in ((surface.V, 0), (middles(surface), 1)):
         x, y, _ = P.T
@@ -78,10 +69,7 @@ def test_edges_send_out_strips_and_their_ends_fans():
 
 def test_paths_bend_around_a_corner_of_the_boundary():
     """An L: from the end of one arm to the other, over the inner corner."""
-    plate = grid(10, 10, 2.0, 2.0)
-    kept = plate.F[(plate.centroids[:, :2] < 1).any(axis=1)]
-    used, F = np.unique(kept, return_inverse=True)
-    surface = jittered(Surface(plate.V[used], F.reshape(-1, 3)), 0.3, 4)
+    surface = jittered(l_shape(10), 0.3, 4)
     corner, start = np.array([1.0, 1.0, 0.0]), int(np.argmin(((surface.V - [2, 0.0, 0]) ** 2).sum(axis=1)))
     found = geodesic_distances(surface, origins(surface, [start]))
     P, Q = surface.V, surface.V[start]
@@ -93,7 +81,7 @@ def test_paths_bend_around_a_corner_of_the_boundary():
     assert found.vertex == pytest.approx(np.where(hidden, around, straight), abs=1e-9)
 
 
-def test_on_a_prism_they_are_those_of_the_plane_that_it_unrolls_to():
+def test_distances_on_a_prism_equal_distances_in_the_unrolled_plane():
     surface, sides = prism(12, 6, 3.0), 12
     place = np.arange(surface.n) // 7
     turn = np.minimum(place, sides - place)  # the shorter way round
@@ -178,7 +166,7 @@ def test_numbers_of_vertices_and_faces_do_not_matter(name):
     assert other[new] == pytest.approx(one, abs=1e-10 * surface.size)
 
 
-def test_where_three_sheets_meet_all_are_reached():
+def test_distances_reach_all_sheets_at_a_common_edge():
     V = np.array([[0, 0, 0], [1, 0, 0], [0.5, 1, 0], [0.5, -0.5, 0.8], [0.5, -0.5, -0.8]])
     surface = Surface(V, np.array([[0, 1, 2], [0, 1, 3], [0, 1, 4]]))
     found = geodesic_distances(surface, origins(surface, [2])).vertex
@@ -186,7 +174,7 @@ def test_where_three_sheets_meet_all_are_reached():
     assert found == pytest.approx([np.hypot(0.5, 1), np.hypot(0.5, 1), 0, down, down])
 
 
-def test_without_a_way_they_are_infinite():
+def test_distances_to_a_separate_piece_are_infinite():
     surface = ZOO["two pieces"]()
     found = geodesic_distances(surface, origins(surface, [0]))
     assert np.isfinite(found.vertex[: surface.n // 2]).all()

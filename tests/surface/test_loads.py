@@ -116,7 +116,7 @@ def test_loads_and_supports_add_up_and_loaded_marks_forces_only():
 
 
 @pytest.mark.parametrize("hold", ["xyz", "xy", "xz", "yz", "x", "y", "z"])
-def test_each_support_holds_its_directions_and_no_other(hold):
+def test_each_support_holds_only_its_directions(hold):
     s = plate(edge=1.0)
     case = build(s, SelfWeight((1.0, 1.0, 1.0)), supports=[Support(Side("x", "min"), hold)], weight=1.0)
     at = np.isclose(s.V[:, 0], -3)
@@ -124,7 +124,7 @@ def test_each_support_holds_its_directions_and_no_other(hold):
     assert_array_equal(case.supported, at)
 
 
-def test_pickers_pick_what_they_say():
+def test_each_picker_picks_its_vertices():
     s = plate(length=6.0, width=4.0, edge=0.5)
     x, y, _ = s.V.T
     assert All().vertices(s).all()
@@ -178,7 +178,7 @@ def test_sides_do_not_depend_on_the_size(scale):
         (Vertices(()), "picks no vertex"),
     ],
 )
-def test_an_empty_pick_is_refused_with_its_values_and_how_far_it_missed(picker, says):
+def test_an_empty_pick_is_refused_with_its_values_and_the_distance(picker, says):
     with pytest.raises(SurfaceError, match=says):
         picker.vertices(plate(edge=1.0))
 

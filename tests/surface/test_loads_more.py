@@ -28,7 +28,7 @@ from dsfab.surface import (
     Wind,
 )
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
-from tests.zoo import grid, jittered
+from tests.shapes import box, grid, jittered
 
 BEST = elements_of("displacement")
 
@@ -40,19 +40,18 @@ def total(surface, *loads):
     return LoadCase.build(surface, HELD, loads).force.sum(axis=0)
 
 
-def turned(surface):
+def inside_out(surface):
     """The same with all faces turned over."""
     return Surface(surface.V, surface.F[:, ::-1])
 
 
-def box(length: float, width: float, height: float) -> Surface:
+def centred_box(length: float, width: float, height: float) -> Surface:
     """A closed box of twelve triangles around the origin, normals outwards."""
-    V = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)]) * (length, width, height)
-    quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-    return Surface(V, [f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
+    half = np.array([length, width, height]) / 2
+    return box(-half, half)
 
 
-@pytest.mark.parametrize("turn", [lambda s: s, turned])
+@pytest.mark.parametrize("turn", [lambda s: s, inside_out])
 def test_snow_sums_to_its_pressure_times_the_plan_area(turn):
     """The plan of a cap is the polygon of its rim, whichever way its normals point."""
     s = turn(dome(edge=0.8))
@@ -62,13 +61,13 @@ def test_snow_sums_to_its_pressure_times_the_plan_area(turn):
     assert_allclose(total(s, Snow(900.0)), [0, 0, -900 * plan], rtol=1e-12, atol=1e-9)
 
 
-@pytest.mark.parametrize("turn", [lambda s: s, turned])
+@pytest.mark.parametrize("turn", [lambda s: s, inside_out])
 def test_snow_lies_on_the_upper_half_of_a_closed_surface(turn):
     s = turn(sphere(radius=2.0, edge=0.25))
     force = LoadCase.build(s, HELD, [Snow(900.0)]).force
     assert force[:, 2].sum() == pytest.approx(-900 * np.pi * 4, rel=1e-2)
     assert not force[s.V[:, 2] < s.V[:, 2].mean() - 0.5].any()
-    b = turn(box(3.0, 2.0, 1.0))
+    b = turn(centred_box(3.0, 2.0, 1.0))
     assert_allclose(total(b, Snow(900.0)), [0, 0, -900 * 6], atol=1e-9)
 
 
@@ -80,10 +79,10 @@ def test_slanting_snow_is_on_the_shadow_along_its_direction():
     assert_allclose(total(s, Snow(50.0, at=half)), [0, 0, -50 * share], atol=1e-9)
 
 
-@pytest.mark.parametrize("turn", [lambda s: s, turned])
-def test_wind_presses_the_wall_it_meets_and_sucks_at_the_one_behind(turn):
+@pytest.mark.parametrize("turn", [lambda s: s, inside_out])
+def test_wind_presses_the_windward_wall_and_sucks_at_the_leeward_wall(turn):
     """A box across the wind: 0.8 q and 0.5 q on the two walls [EN 1991-1-4, zones D and E], nothing along it."""
-    b, q = turn(box(3.0, 2.0, 5.0)), 600.0
+    b, q = turn(centred_box(3.0, 2.0, 5.0)), 600.0
     for face, c in (((-1, 0, 0), -0.8), ((1, 0, 0), 0.5)):
         wall = np.isclose(b.centroids[:, 0], 1.5 * face[0])
         traction = Wind(q, (1.0, 0, 0)).traction(b)
@@ -114,7 +113,7 @@ def test_a_line_load_sums_to_its_share_per_metre_times_the_length():
     assert_array_equal(case.loaded, end)
 
 
-def test_a_line_load_on_boundary_loops_leaves_the_edges_between_them_alone():
+def test_a_line_load_on_boundary_loops_skips_inner_edges():
     """On a ring one face wide every edge has both ends picked; only the free ones are the line."""
     s = dome(edge=0.9, oculus=3.9)
     length = [np.linalg.norm(s.V[loop] - np.roll(s.V[loop], -1, axis=0), axis=1).sum() for loop in s.loops]
@@ -136,8 +135,8 @@ def test_a_line_load_runs_along_a_path_within_the_sheet():
     "load", [Snow(800.0, (0.2, 0, -1.0)), Wind(500.0, (1.0, 0.5, 0.0)), Line(Boundary(), (3.0, -2.0, 9.0))], ids=str
 )
 @pytest.mark.parametrize("name", ["dome", "cylinder", "box"])
-def test_what_is_spread_gives_the_vertices_the_same_forces(name, load):
-    s = {"dome": dome(edge=1.0), "cylinder": cylinder(edge=1.0), "box": box(1.0, 2.0, 3.0)}[name]
+def test_a_spread_load_gives_the_same_vertex_forces(name, load):
+    s = {"dome": dome(edge=1.0), "cylinder": cylinder(edge=1.0), "box": centred_box(1.0, 2.0, 3.0)}[name]
     if isinstance(load, Line) and s.is_closed:
         load = Line(All(), load.per_metre, "all")
     spread = spread_load(s, [load])

@@ -28,7 +28,7 @@ from dsfab.surface.topology import (
     pinches,
 )
 from tests.own_meshes import figure, gyroid, voronoi_shell
-from tests.zoo import grid
+from tests.shapes import grid
 
 ROOF = dome(edge=0.9)
 PLATE = plate(edge=0.3)
@@ -40,7 +40,7 @@ def area(V, F):
 
 
 @pytest.mark.parametrize("surface", [ROOF, plate(edge=0.4), sphere(edge=0.5)])
-def test_a_sound_mesh_stays_as_it_is(surface):
+def test_a_sound_mesh_is_unchanged(surface):
     mesh = mended_mesh(surface.V, surface.F)
     assert mesh.repairs == ()
     assert_array_equal(mesh.V, surface.V)
@@ -107,7 +107,7 @@ def test_a_sheet_that_crosses_itself_stays_whole():
     assert_array_equal(mesh.F, F)
 
 
-def test_two_sheets_that_cross_stay_two_while_a_wall_on_one_of_them_and_copies_of_it_are_sewn():
+def test_crossing_sheets_stay_apart_and_a_wall_on_a_sheet_is_sewn():
     flat = grid(6, 6, 2.0, 2.0)
     upright = flat.V[:, [1, 2, 0]] + [0, 1, -1]
     both = mended_mesh(np.concatenate([flat.V, upright]), np.concatenate([flat.F, flat.F + flat.n]))
@@ -240,7 +240,7 @@ def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
         assert_array_equal(mesh.F, F)
 
 
-def test_files_as_programs_write_them_become_sheets(tmp_path):
+def test_files_of_common_programs_become_sound_sheets(tmp_path):
     """A contour's needles and crumbs, and a boolean's slivers: one sound piece each, of the same area."""
     for make in (gyroid, voronoi_shell, figure):
         path = make(tmp_path)
@@ -251,7 +251,7 @@ def test_files_as_programs_write_them_become_sheets(tmp_path):
 
 
 @pytest.mark.parametrize("broken", [1e30, -1e7, np.nan])
-def test_a_vertex_astray_takes_its_faces_along_and_no_others(broken):
+def test_a_stray_vertex_is_removed_with_its_faces_only(broken):
     """One number of 10^30 made all others one vertex: 'nothing is left', with no word of it."""
     flat = grid(12, 12, 6.0, 6.0)
     V = flat.V.copy()
@@ -338,7 +338,7 @@ def test_a_preset_of_shares_holds_for_another_mesh(tmp_path):
         assert preset.surface.load[0].at.vertices(surface).any()
 
 
-def slab(surface, thick):
+def thick_shell(surface, thick):
     """The closed solid of a surface (n vertices) and of it `thick` metres beneath, along the vertices' normals."""
     normals = np.zeros((surface.n, 3))
     for corner in surface.F.T:
@@ -362,13 +362,13 @@ def test_a_second_copy_of_a_sheet_goes(size):
     assert mesh.repairs[0].endswith("mm from the first, dropped")
 
 
-def test_a_sheet_that_is_in_a_file_twice_is_told():
+def test_a_sheet_that_a_file_repeats_is_dropped_with_a_note():
     mesh = mended_mesh(np.vstack([ROOF.V, ROOF.V]), np.vstack([ROOF.F, ROOF.F + ROOF.n]))
     assert len(mesh.F) == ROOF.m
     assert "of a second copy of the sheet dropped" in mesh.repairs[-1]
 
 
-def folded():
+def folds():
     """A roof of 8 m x 6 m with four folds of 84 degrees."""
     flat = grid(24, 12, 8.0, 6.0)
     at = (flat.V[:, 0] - flat.V[:, 0].min()) / 8 * 2
@@ -382,11 +382,11 @@ def test_of_many_copies_the_first_stays():
     assert len(mesh.repairs) == 2
 
 
-@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folded()], ids=["dome", "plate", "hypar", "folded"])
+@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folds()], ids=["dome", "plate", "hypar", "folded"])
 def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     """Its two faces and its sides were taken for a closed figure, which stood on its lowest parts."""
     thick = 0.03 * np.sqrt(surface.area)
-    V, F = slab(surface, thick)
+    V, F = thick_shell(surface, thick)
     mesh = mended_mesh(V, F)
     middle = Surface(mesh.V, mesh.F)
     assert middle.m == surface.m
@@ -397,7 +397,7 @@ def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     assert "thick, reduced to its middle surface" in mesh.repairs[0]
 
 
-def barrel():
+def half_cylinder():
     """Half a cylinder of 4 m radius, 6 m long: its edges stand upright."""
     flat = grid(24, 12, np.pi, 6.0)
     at = flat.V[:, 0] - flat.V[:, 0].min()
@@ -409,11 +409,11 @@ HALF = dome(rise=4.9, span=10.0, edge=0.9)
 
 @pytest.mark.parametrize("way", [(0.0, 0.0, 0.2), (0.0, 0.15, -0.15)], ids=["up", "askew"])
 @pytest.mark.parametrize(
-    "surface", [barrel(), HYPAR, dome(rise=4.9, span=10.0, edge=0.9)], ids=["barrel", "hypar", "half"]
+    "surface", [half_cylinder(), HYPAR, dome(rise=4.9, span=10.0, edge=0.9)], ids=["barrel", "hypar", "half"]
 )
 def test_an_extruded_slab_becomes_the_sheet_in_its_middle(surface, way):
     """It is next to nothing thick where it stands upright: a half barrel was taken for a closed figure."""
-    _, F = slab(surface, 1.0)
+    _, F = thick_shell(surface, 1.0)
     mesh = mended_mesh(np.vstack([surface.V + way, surface.V]), F)
     assert area(mesh.V, mesh.F) == pytest.approx(surface.area, rel=0.01)
     off = nearest_places(mesh.V, surface.V + np.divide(way, 2), surface.F).distance
@@ -436,19 +436,19 @@ def two_roofs():
 
 @pytest.mark.parametrize(
     "mesh",
-    [cushion(), two_roofs(), slab(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
+    [cushion(), two_roofs(), thick_shell(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
     ids=["cushion", "two roofs", "box", "sphere"],
 )
-def test_what_is_no_copy_and_no_slab_stays(mesh):
+def test_a_mesh_that_is_neither_copy_nor_slab_stays(mesh):
     assert single_sheets(*mesh, 1.0)[2] == ()
 
 
-def test_sheets_over_each_other_are_told_and_stay():
+def test_parallel_sheets_give_a_remark_and_stay():
     assert [text.partition(";")[0] for text in parallel_remarks(*two_roofs())] == [
         "the surface has two parallel sheets, 294 mm apart, and dsfab builds both"
     ]
     assert list(parallel_remarks(ROOF.V, ROOF.F)) == []
-    assert "surface.mend = true" in next(parallel_remarks(*slab(ROOF, 0.2)))
+    assert "surface.mend = true" in next(parallel_remarks(*thick_shell(ROOF, 0.2)))
 
 
 def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:
@@ -461,7 +461,7 @@ def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("open_", [False, True])
-def test_what_lies_on_long_edges_in_a_crowd_is_found(open_):
+def test_vertices_on_long_edges_are_found_in_a_crowd(open_):
     """As each vertex asked about each edge: within a length of closed loops, within a share of edges of other lines."""
     V, ends = comb(40)
     ends = ends[:-1] if open_ else ends

@@ -200,7 +200,7 @@ def test_a_moebius_strip_cannot_be_oriented():
         (BOW_TIE, 5, "1 vertices are pinches, where parts touch in a point (first: 2)"),
     ],
 )
-def test_each_fault_is_told_with_its_count_and_place(F, n, says):
+def test_each_fault_is_reported_with_its_count_and_place(F, n, says):
     found = faults(np.array(F), n)
     assert says in found
 
@@ -255,7 +255,7 @@ def test_a_small_tetrahedron_far_out_keeps_its_digits():
 
 @pytest.mark.parametrize("count", [0, 1, 2, 30, 3000])
 @pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 2.0])
-def test_parts_are_those_that_scipy_finds_in_the_same_order(count, share):
+def test_pieces_equal_the_connected_components_of_scipy(count, share):
     rng = np.random.default_rng(count)
     links = rng.integers(0, max(count, 1), (2, int(share * count)))
     long = rng.permutation(count)[: count // 2]  # and a path through half of the things

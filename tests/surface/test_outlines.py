@@ -4,7 +4,6 @@ import shutil
 import uuid
 from pathlib import Path
 
-import ezdxf
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,23 +19,11 @@ from dsfab.surface.loads.outline_cuts import with_outline
 from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, self_crossing
 from dsfab.surface.loads.pickers import pierced_faces
 from tests.presets import DOME_MODES
-from tests.zoo import grid, sphere
+from tests.shapes import grid, sphere
+from tests.surface.outline_drawings import DOOR, drawing, star
 
 L_SHAPE = ((0.0, 0.0), (2.0, 0.0), (2.0, 1.0), (1.0, 1.0), (1.0, 2.0), (0.0, 2.0))
 PLATE = grid(20, 20, 1.0, 1.0)  # of 1 x 1
-
-
-def star(seed: int, corners: int) -> np.ndarray:
-    """(k, 2) a polygon that does not cross itself, around (0, 0)."""
-    rng = np.random.default_rng(seed)
-    turn = np.sort(2 * np.pi * (np.arange(corners) + 0.8 * rng.random(corners)) / corners)
-    return (0.3 + rng.random(corners))[:, None] * np.c_[np.cos(turn), np.sin(turn)]
-
-
-def drawing(path: Path, unit: int = 4) -> "ezdxf.document.Drawing":
-    document = ezdxf.new("R2010")
-    document.header["$INSUNITS"] = unit
-    return document
 
 
 # ------------------------------------------------------------------------------------------------- polygons in a plane
@@ -57,7 +44,7 @@ def test_a_polygon_in_another_is_an_island():
 
 @settings(deadline=None, max_examples=40)
 @given(seed=st.integers(0, 10_000), corners=st.integers(3, 30))
-def test_what_is_within_a_polygon_is_as_much_as_its_area(seed, corners):
+def test_the_points_within_a_polygon_cover_its_area(seed, corners):
     P = star(seed, corners)
     assert self_crossing(P) is None
     lattice = np.stack(np.meshgrid(*2 * [np.linspace(-1.31, 1.31, 161)]), axis=-1).reshape(-1, 2)
@@ -80,7 +67,7 @@ def test_two_corners_that_change_places_make_a_polygon_cross_itself(seed, corner
 # ------------------------------------------------------------------------------------------------------- in plan
 
 
-def test_a_polygon_in_plan_picks_what_lies_in_it_seen_from_above():
+def test_a_plan_polygon_picks_the_vertices_above_and_below_it():
     x, y, _ = PLATE.V.T
     picked = PlanPolygon(((0.2, 0.2), (0.8, 0.2), (0.8, 0.5), (0.2, 0.5))).vertices(PLATE)
     assert np.array_equal(picked, (x > 0.199) & (x < 0.801) & (y > 0.199) & (y < 0.501))
@@ -125,7 +112,7 @@ def test_a_polygon_beside_the_surface_says_how_far():
 # ------------------------------------------------------------------------------------------------------- the brush
 
 
-def test_a_brush_picks_what_is_near_its_points_and_the_ways_of_its_strokes():
+def test_a_brush_picks_vertices_near_its_points_and_strokes():
     """Three dots of two strokes: the first two are joined, the third is further off than two radii."""
     stroke = Brush(((0.2, 0.2, 0.0), (0.35, 0.2, 0.0), (0.8, 0.8, 0.0)), 0.1)
     on_the_way = np.clip(PLATE.V, (0.2, 0.2, 0), (0.35, 0.2, 0))
@@ -200,7 +187,7 @@ def test_a_curve_in_a_block_is_where_the_block_is(tmp_path):
 
 
 @pytest.mark.slow
-def test_curves_of_a_3dm_file_are_those_of_its_layer(tmp_path):
+def test_curves_of_a_3dm_file_are_read_from_the_named_layer(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     model = rhino3dm.File3dm()
     model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Centimeters
@@ -244,7 +231,7 @@ def with_blocks(path: Path, depth: int) -> Path:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("depth", [1, 2, 4])
-def test_what_blocks_of_a_3dm_file_hold_is_drawn_where_they_are_inserted_and_nowhere_else(depth, tmp_path):
+def test_curves_of_3dm_blocks_appear_only_at_their_insertions(depth, tmp_path):
     loops = ClosedCurves(with_blocks(tmp_path / "a.3dm", depth)).loops()
     left = sorted(float(loop[:, 1].min()) for loop in loops)  # what went along x goes along y, from 10
     assert left == pytest.approx([10 + 3 * k for k in range(2 ** (depth - 1))])
@@ -262,7 +249,7 @@ def test_blocks_of_a_3dm_file_within_blocks_are_bounded(tmp_path):
         read_rhino(many, DrawingBudget(entities=190))
 
 
-def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
+def test_a_missing_block_of_a_3dm_file_is_reported(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     model, nobody = rhino3dm.File3dm(), uuid.uuid4()
     model.Objects.Add(rhino3dm.InstanceReference(nobody, rhino3dm.Transform.Identity()), rhino3dm.ObjectAttributes())
@@ -271,7 +258,7 @@ def test_a_block_that_is_not_in_the_3dm_file_is_told(tmp_path):
         ClosedCurves(tmp_path / "linked.3dm").loops()
 
 
-def test_3dm_without_its_library_says_what_to_install(tmp_path, monkeypatch):
+def test_without_rhino3dm_a_3dm_drawing_names_the_package_to_install(tmp_path, monkeypatch):
     (tmp_path / "x.3dm").write_bytes(b"0")
     monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
     with pytest.raises(SurfaceError, match=r'pip install "dsfab\[rhino\]"'):
@@ -318,9 +305,6 @@ def test_a_file_or_curves_but_not_both():
             ClosedCurves(**keys)
     with pytest.raises(SurfaceError, match="layer and unit need a file"):
         ClosedCurves(curves=(((0, 0, 0), (1, 0, 0), (1, 1, 0)),), layer="door")
-
-
-DOOR = ClosedCurves(curves=(((-0.3, -2, -0.5), (0.3, -2, -0.5), (0.3, -2, 0.4), (-0.3, -2, 0.4)),))
 
 
 def test_a_door_drawn_in_elevation_is_in_the_wall_that_is_nearest():

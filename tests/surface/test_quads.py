@@ -45,7 +45,7 @@ def test_quads_of_a_saddle_are_cut_along_their_shorter_diagonals(bend):
     assert (on02 == (d02 < d13))[differ].all()
 
 
-def test_a_fold_along_the_sides_of_quads_leaves_them_as_they_are():
+def test_quads_beside_a_fold_are_cut_along_their_shorter_diagonal():
     """A gable whose ridge is between quads, and one quad alone, with nothing beside it."""
     gable = sheet(lambda x, y: -np.abs(x) + 0.02 * x * y, cells=6)
     lone = sheet(lambda x, y: np.maximum(x, y), cells=1)

@@ -8,9 +8,10 @@ from numpy.testing import assert_array_equal
 
 from dsfab.core.arrays import area_vectors, lengths
 from dsfab.preset.proposal import propose
-from dsfab.surface import mended_mesh
-from dsfab.surface.clean.borders import RAGGED_TURN, _turns, even_edges
+from dsfab.surface import Surface, mended_mesh
+from dsfab.surface.clean.borders import RAGGED_TURN, even_edges
 from dsfab.surface.topology import boundary_loops, edge_table
+from tests.shapes import corner_angles
 
 EDGE = 0.25
 
@@ -49,7 +50,9 @@ def squares(columns, rows, place):
 
 
 def largest_turn(V, F):
-    return float(np.degrees(np.abs(_turns(V, F, edge_table(F))).max()))
+    inside = np.bincount(F.ravel(), np.radians(corner_angles(Surface(V, F))).ravel())
+    border = np.unique(np.concatenate(Surface(V, F).loops))
+    return float(np.degrees(np.abs(np.pi - inside[border]).max()))
 
 
 @pytest.mark.parametrize("metres", [1.0, 1e-3])

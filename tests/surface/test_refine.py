@@ -12,18 +12,11 @@ from dsfab.surface import SHAPES, Surface, refined_surface
 from dsfab.surface.orientation import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, jittered, sphere, zoo
+from tests.shapes import ZOO, grid, jittered, smallest_angle, sphere, zoo
 
 
 def lengths(surface: Surface) -> np.ndarray:
     return np.linalg.norm(np.diff(surface.V[surface.edges.ends], axis=1)[:, 0], axis=1)
-
-
-def smallest_angle(surface: Surface) -> float:
-    P = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, 1, axis=1) - P
-    cosine = np.einsum("mia,mia->mi", u, v) / np.linalg.norm(u, axis=2) / np.linalg.norm(v, axis=2)
-    return float(np.degrees(np.arccos(np.clip(cosine, -1, 1)).min()))
 
 
 def check_same_surface(old: Surface, new: Surface) -> None:
@@ -50,7 +43,7 @@ def check_same_surface(old: Surface, new: Surface) -> None:
 
 @zoo
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.21])
-def test_no_edge_is_longer_than_asked_and_facets_stay_flat(name, share):
+def test_refined_edges_keep_the_limit_and_facets_stay_flat(name, share):
     surface = ZOO[name]()
     target = share * lengths(surface).max()
     finer = refined_surface(surface, target)
@@ -66,7 +59,7 @@ def test_nothing_happens_to_a_surface_that_is_fine_enough():
     assert refined_surface(surface, 10.0, smooth=True) is surface
 
 
-def test_only_long_edges_and_what_they_need_are_divided():
+def test_only_long_edges_and_their_neighbours_are_divided():
     """One long strip in a fine plate: faces far from it stay as they were."""
     plate = grid(16, 4, 4.0, 1.0)
     V = plate.V.copy()

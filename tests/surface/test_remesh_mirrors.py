@@ -6,26 +6,26 @@ from scipy.spatial import cKDTree
 
 from dsfab.surface import SizeField, Surface, mirror, remeshed_surface
 from dsfab.surface.remesh.mirrors import Chamber, Mirrors
-from dsfab.surface.remesh.remeshing import SHARP_ANGLE, _smallest_angle
+from dsfab.surface.remesh.remeshing import SHARP_ANGLE
 from dsfab.surface.remesh.smoothing import NearestOnSurface
-from tests.surface.test_remesh import check_kept, fan
-from tests.zoo import grid, jittered, sphere
+from tests.shapes import grid, jittered, smallest_angle, sphere
+from tests.surface.needles import check_kept, cone_of_needles
 
 DIAGONAL = np.array([1.0, -1.0, 0.0]) / np.sqrt(2)
 X, Y, _ = np.eye(3)
 
 
-def roof(height, length: float = 2.0, cells: int = 16, jitter: float = 0.0) -> Surface:
+def centred_roof(height, length: float = 2.0, cells: int = 16, jitter: float = 0.0) -> Surface:
     """z = height(x, y) over a rectangle of 2 m width about the origin; jitter moves inner vertices on it."""
     flat = jittered(grid(cells, cells, length, 2.0), jitter)
     x, y = (flat.V[:, :2] - [length / 2, 1]).T
     return Surface(np.c_[x, y, height(x, y)], flat.F)
 
 
-VAULT = roof(lambda x, y: 0.5 * (1 - y**2) * (1 + 0.2 * x**2), length=3.0)
-SADDLE = roof(lambda x, y: 0.4 * x * y)
-UMBRELLA = roof(lambda x, y: np.maximum(np.abs(x), np.abs(y)) * 0.5)
-SCATTERED = roof(lambda x, y: 0.4 * (1 - x**2 - y**2), jitter=0.2)
+VAULT = centred_roof(lambda x, y: 0.5 * (1 - y**2) * (1 + 0.2 * x**2), length=3.0)
+SADDLE = centred_roof(lambda x, y: 0.4 * x * y)
+UMBRELLA = centred_roof(lambda x, y: np.maximum(np.abs(x), np.abs(y)) * 0.5)
+SCATTERED = centred_roof(lambda x, y: 0.4 * (1 - x**2 - y**2), jitter=0.2)
 
 
 def off(surface: Surface, normal: np.ndarray, centre: np.ndarray) -> float:
@@ -70,7 +70,7 @@ def with_hole(plate: Surface, face: int) -> Surface:
     return Surface(np.r_[plate.V, inner], np.r_[np.delete(plate.F, face, axis=0), around])
 
 
-def test_what_leans_or_has_a_hole_on_one_side_has_no_mirror():
+def test_a_leaning_or_one_sidedly_holed_surface_has_no_mirror():
     bent = UMBRELLA.V.copy()
     bent[:, 2] += 0.02 * UMBRELLA.V[:, 0] + 0.05 * UMBRELLA.V[:, 0] ** 2 * UMBRELLA.V[:, 1]
     assert Mirrors.from_surface(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None
@@ -86,14 +86,14 @@ def test_lengths_that_are_given_may_differ_from_side_to_side():
     assert right > 1.5 * left
 
 
-def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
-    dome = Mirrors.from_surface(NearestOnSurface(fan(64)), 0.5, smooth=False)
+def test_a_round_surface_has_two_mirrors_and_mirrors_do_not_sharpen_a_tip():
+    dome = Mirrors.from_surface(NearestOnSurface(cone_of_needles(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
     tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
     assert Mirrors.from_surface(NearestOnSurface(tip), 0.1, smooth=False) is not None
-    assert _smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
+    assert smallest_angle(remeshed_surface(tip, 0.1)) > 0.6 * SHARP_ANGLE
 
 
 def test_a_side_is_cut_out_along_the_planes():

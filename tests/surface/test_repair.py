@@ -32,7 +32,7 @@ def scanned(seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return V, F
 
 
-def test_a_scan_becomes_the_ball_that_it_is_of():
+def test_a_scan_of_a_ball_becomes_a_ball():
     mesh = repaired_scan(*scanned())
     told = "; ".join(mesh.repairs)
     for words in (
@@ -71,7 +71,7 @@ def bends(V: np.ndarray, F: np.ndarray) -> np.ndarray:
     return np.degrees(np.arccos(np.clip((one * two).sum(axis=1), -1, 1)))
 
 
-def test_what_noise_folded_over_is_flattened():
+def test_faces_that_noise_folded_over_are_flattened():
     """Its solid was refused for bending too sharply, in a place where nothing bends."""
     V, F = noisy(0.002)
     assert (bends(V, F) > 90).sum() > 30
@@ -116,7 +116,7 @@ def test_a_flat_outline_is_filled_with_its_area(corners):
     assert (signed > 0).all()
 
 
-def test_edges_that_are_there_are_not_made_again():
+def test_existing_edges_are_not_created_again():
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     joined = np.zeros((4, 4), dtype=bool)
     joined[0, 2] = joined[2, 0] = True
@@ -126,7 +126,7 @@ def test_edges_that_are_there_are_not_made_again():
 
 
 @pytest.mark.slow
-def test_a_fine_mesh_with_holes_is_taken_for_a_scan_and_told(tmp_path):
+def test_a_fine_mesh_with_holes_counts_as_a_scan_with_a_note(tmp_path):
     fine = sphere(edge=0.035)
     F = fine.F
     for at in (5, 4000, 9000):

@@ -16,6 +16,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns, staggered_rows
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
+from tests.shapes import corner_angles
 
 CAP = (5**2 + 3**2) / (2 * 3)  # radius of the default dome
 WAIST = 1.5
@@ -42,12 +43,6 @@ TOPOLOGY = {"catenoid": (2, 0), "cylinder": (2, 0), "tower": (2, 0), "sphere": (
 
 def default_edge(name):
     return inspect.signature(SHAPES[name]).parameters["edge"].default
-
-
-def angles(surface):
-    P = surface.V[surface.F]
-    u, v = np.roll(P, -1, axis=1) - P, np.roll(P, -2, axis=1) - P
-    return np.degrees(np.arctan2(np.linalg.norm(np.cross(u, v), axis=2), (u * v).sum(axis=2)))
 
 
 @pytest.mark.parametrize("name", AREAS)
@@ -91,8 +86,8 @@ def test_defaults_are_oriented_manifolds_of_good_triangles(name):
     loops, euler = TOPOLOGY.get(name, (1, 1))
     assert manifold_faults(s.F, s.edges, s.n) == ()
     assert (len(s.loops), euler_characteristic(s.F, s.edges), pieces(s.F, s.edges)[0]) == (loops, euler, 1)
-    assert angles(s).min() > 27
-    assert angles(s).max() < 112
+    assert corner_angles(s).min() > 27
+    assert corner_angles(s).max() < 112
     assert s.mean_edge == pytest.approx(default_edge(name), rel=0.1)
     assert 1000 < s.n < 5000
     assert np.isin(np.arange(s.n), s.F).all()
@@ -133,7 +128,7 @@ def test_diagonals_do_not_all_run_one_way():
     assert abs(doubled.mean()) < 0.02
 
 
-def test_sizes_are_the_asked_ones():
+def test_shapes_have_the_requested_sizes():
     V = SHAPES["pavilion"](span=10.0, rise=4.0, opening=2.0, feet=3, foot=1.5).V
     on_ground = V[:, 2] == 0
     assert_allclose(np.hypot(V[on_ground, 0], V[on_ground, 1]), 5)
@@ -178,14 +173,14 @@ def test_shapes_stay_sound_over_their_range(name, coarse, stretch):
     main = next(iter(defaults))
     s = SHAPES[name](**{main: defaults[main] * stretch, "edge": defaults["edge"] * coarse})
     assert manifold_faults(s.F, s.edges, s.n) == ()
-    assert angles(s).min() > 20
+    assert corner_angles(s).min() > 20
 
 
 @pytest.mark.parametrize("feet", range(3, 9))
 def test_pavilions_of_any_number_of_feet_are_sound(feet):
     s = SHAPES["pavilion"](feet=feet, foot=1.0, opening=1.5)
     assert manifold_faults(s.F, s.edges, s.n) == ()
-    assert angles(s).min() > 19
+    assert corner_angles(s).min() > 19
     (loop,) = s.loops
     on_ground = s.V[loop, 2] == 0
     assert (on_ground & ~np.roll(on_ground, 1)).sum() == feet

@@ -8,7 +8,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.design import regions_and_loads
 from dsfab.surface import SizeField, Surface, change_sizes, remeshed_surface
 from tests.canopy import canopy
-from tests.zoo import grid, jittered, sphere
+from tests.shapes import grid, jittered, sphere
 
 pytestmark = pytest.mark.slow
 
@@ -50,7 +50,7 @@ def test_a_field_that_turns_with_the_surface_does_not_change():
     assert change_sizes(ball, even, EDGE, FINEST) == pytest.approx(EDGE)
 
 
-def test_no_stress_asks_for_nothing():
+def test_zero_stress_requests_no_refinement():
     plate = grid(5, 5, 1.0, 1.0)
     assert change_sizes(plate, np.zeros((plate.m, 3, 3)), EDGE, FINEST) == pytest.approx(EDGE)
 
@@ -70,7 +70,7 @@ def test_edges_follow_sizes_that_lie_on_another_mesh():
 # --- meshes
 
 
-def plate_with_hole() -> Surface:
+def quarter_plate_with_hole() -> Surface:
     """A quarter of a plate of 20 m with a hole of 1 m radius in its middle."""
     angle, out = np.meshgrid(np.linspace(0, np.pi / 2, 65), np.linspace(0, 1, 21) ** 2, indexing="ij")
     r = 1 + out * (10 / np.maximum(np.cos(angle), np.sin(angle)) - 1)
@@ -83,7 +83,7 @@ def plate_with_hole() -> Surface:
 def pulled(thickness: float = 0.1, **surface: object) -> dsfab.Preset:
     """The plate pulled with 1 MPa at its right side."""
     return dsfab.Preset(
-        surface={"mesh": plate_with_hole(), **surface},
+        surface={"mesh": quarter_plate_with_hole(), **surface},
         supports=[
             dsfab.Support(dsfab.Side("x", "min", 1e-3), hold="x"),
             dsfab.Support(dsfab.Side("y", "min", 1e-3), hold="y"),

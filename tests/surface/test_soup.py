@@ -64,7 +64,7 @@ KEPT = {
 
 
 @pytest.mark.parametrize("name", KEPT)
-def test_what_is_not_meant_as_one_stays_apart(name):
+def test_separate_bodies_in_a_soup_stay_separate(name):
     file = PolygonFile(KEPT[name])
     found, told = with_shared_vertices(file)
     assert found is file

@@ -24,7 +24,7 @@ from dsfab.statics import (
 )
 from dsfab.surface import All, Boundary, Box, Force, Line, LoadCase, Nearest, Side, Snow, Support, Surface, Vertices
 from tests.presets import DOME_MODES
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
 
 E, H = 10e9, 0.02
 WOOD = Material(E, 0.0)
@@ -119,7 +119,7 @@ def test_a_stiff_spring_is_a_support():
     assert spring.compliance == pytest.approx(held.compliance, rel=1e-4)
 
 
-def test_springs_stop_motions_and_those_they_leave_are_named():
+def test_springs_stop_motions_and_free_motions_are_named():
     s = ZOO["saddle"]()
     feet = [Support(Side("x", "min"), spring=(0.0, 5e4, 5e4))]
     with pytest.raises(StaticsError, match=r"the surface can move along x and turn about y and turn about z: its sup"):
@@ -162,7 +162,7 @@ def test_hinges_cannot_be_clamped():
         run(load_preset(DOME_MODES, {"surface.edge": 1.0, "surface.support.0.clamp": True}))
 
 
-def test_clamped_edges_are_those_with_both_ends_picked_but_not_across_ears():
+def test_clamped_edges_have_both_ends_picked_and_do_not_cross_ears():
     s = grid(5, 4, 5.0, 4.0)
     ends, boundary = s.edges.ends, s.edges.boundary
     assert np.array_equal(Support(Boundary(), clamp=True).clamped_edges(s), boundary)
@@ -226,7 +226,7 @@ def test_a_dome_on_springs_is_built_and_tells_their_reactions():
     assert any("of the springs' stiffness is on removed material" in note.text for note in design.notes)
 
 
-def test_supports_are_read_with_what_they_leave_out():
+def test_supports_are_read_with_defaults():
     read = TypeAdapter(Support).validate_python
     at = {"pick": "all"}
     assert read({"at": at}) == Support(All(), "xyz")

@@ -10,8 +10,7 @@ from dsfab.surface import Surface
 from dsfab.thickening import OffsetLayer, offsets, proven_cells, thicken
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
-from tests.thickening.test_sides import torus_of
-from tests.zoo import grid, jittered, lifted, moebius, projective_plane, sphere
+from tests.shapes import grid, jittered, joined, lifted, moebius, projective_plane, sphere, torus
 
 
 def cut_layer(surface: Surface, D: np.ndarray, side: str = "mid", lines: int = 6) -> tuple[OffsetLayer, np.ndarray]:
@@ -23,12 +22,7 @@ def cut_layer(surface: Surface, D: np.ndarray, side: str = "mid", lines: int = 6
     return OffsetLayer(surface, D, cells.surface, cells.carry(D), cells.parent, side), cells.material
 
 
-def joined(*parts: Surface) -> Surface:
-    start = np.cumsum([0, *(part.n for part in parts[:-1])])
-    return Surface(
-        np.concatenate([part.V for part in parts]),
-        np.concatenate([part.F + k for part, k in zip(parts, start, strict=True)]),
-    )
+SQUARE = jittered(grid(24, 24, 1.0, 1.0))
 
 
 def tilted(surface: Surface, slope: float) -> Surface:
@@ -41,20 +35,16 @@ def spiral(gap: float) -> Surface:
     return Surface(np.c_[radius * np.cos(angle), radius * np.sin(angle), 0.4 * flat.V[:, 1]], flat.F)
 
 
-def flat(cells: int = 24) -> Surface:
-    return jittered(grid(cells, cells, 1.0, 1.0))
-
-
 CASES = {
     "sphere": (lambda: sphere(4), 0.03),
-    "torus": (lambda: torus_of(1.0, 0.3), 0.06),
-    "torus too thick": (lambda: torus_of(1.0, 0.3), 0.7),
+    "torus": (lambda: torus(48, 16, 1.0, 0.3), 0.06),
+    "torus too thick": (lambda: torus(48, 16, 1.0, 0.3), 0.7),
     "saddle": (lambda: lifted(lambda x, y: (x - 0.5) * (y - 0.5) * 1.5, cells=20), 0.03),
     "crumpled": (lambda: lifted(lambda x, y: 0.05 * np.sin(31 * x) * np.sin(29 * y), cells=24), 0.05),
-    "two that touch": (lambda: joined(flat(), Surface(flat().V + [0, 0, 0.02], flat().F)), 0.04),
-    "one over a part": (lambda: joined(flat(), Surface(flat().V + [0.53, 0.0, 0.01], flat().F)), 0.02),
-    "two that cross": (lambda: joined(flat(), tilted(flat(), 0.1)), 0.02),
-    "two upright": (lambda: joined(flat(), Surface(flat().V[:, [2, 0, 1]] + [0.5, 0, -0.5], flat().F)), 0.02),
+    "two that touch": (lambda: joined(SQUARE, Surface(SQUARE.V + [0, 0, 0.02], SQUARE.F)), 0.04),
+    "one over a part": (lambda: joined(SQUARE, Surface(SQUARE.V + [0.53, 0.0, 0.01], SQUARE.F)), 0.02),
+    "two that cross": (lambda: joined(SQUARE, tilted(SQUARE, 0.1)), 0.02),
+    "two upright": (lambda: joined(SQUARE, Surface(SQUARE.V[:, [2, 0, 1]] + [0.5, 0, -0.5], SQUARE.F)), 0.02),
     "spiral": (lambda: spiral(0.03), 0.035),
     "moebius": (lambda: moebius(60, 6, 0.8), 0.03),
     "boy": (lambda: projective_plane(3), 0.05),
@@ -64,7 +54,7 @@ CASES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("side", ["mid", "out"])
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_proven_meets_nothing(name, side):
+def test_solids_that_are_proven_apart_do_not_intersect(name, side):
     """Offsets without a limit, walls with either diagonal, exact and as single precision holds them."""
     make, t = CASES[name]
     surface = make()
@@ -81,7 +71,7 @@ def test_what_is_proven_meets_nothing(name, side):
 
 
 def test_smooth_surfaces_are_proven_whole():
-    for surface, share in ((sphere(5), 1.0), (flat(60), 0.6)):
+    for surface, share in ((sphere(5), 1.0), (jittered(grid(60, 60, 1.0, 1.0)), 0.6)):
         layer, _ = cut_layer(surface, offsets(surface, 0.01).D)
         assert proven_cells(layer).mean() >= share
 
@@ -89,7 +79,7 @@ def test_smooth_surfaces_are_proven_whole():
 def test_sheets_that_cross_are_proven_away_from_the_line_only():
     """Both sheets look to the same side: only the number of turns of the rim tells them from one."""
     t = 0.02
-    surface = joined(flat(60), tilted(flat(60), 1.0))
+    surface = joined(jittered(grid(60, 60, 1.0, 1.0)), tilted(jittered(grid(60, 60, 1.0, 1.0)), 1.0))
     layer, _ = cut_layer(surface, offsets(surface, t).D)
     proven, x = proven_cells(layer), layer.cells.centroids[:, 0]
     near = np.abs(x - 0.5) < t / 2
@@ -109,7 +99,7 @@ def test_one_folded_prism_is_left_to_the_test():
 
 
 def test_a_proof_changes_no_solid():
-    surface = torus_of(1.0, 0.3)
+    surface = torus(48, 16, 1.0, 0.3)
     D = offsets(surface, 0.05).D
     layer, kept = cut_layer(surface, D)
     used = np.zeros(layer.cells.n, dtype=bool)

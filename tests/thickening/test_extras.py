@@ -15,11 +15,11 @@ from dsfab.surface.loads.pickers import All, Ball, Side
 from dsfab.thickening import Base, Feet, Holes, Ring, Solid, SplitBodies, Trim, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND
 from dsfab.thickening.self_intersection import intersecting_pairs
-from tests.zoo import grid, jittered, moebius, sphere
+from tests.shapes import grid, jittered, moebius, sphere
 
 
 @pytest.fixture(scope="module")
-def plate():
+def thick_plate():
     surface = jittered(grid(20, 10, 2.0, 1.0))
     return thicken(surface, offsets(surface, 0.03).D), Base(surface, surface, lambda marks: marks)
 
@@ -48,13 +48,13 @@ def rod(diameter: float, length: float) -> float:
     return ROUND / 2 * (diameter / 2) ** 2 * np.sin(2 * np.pi / ROUND) * length
 
 
-def test_holes_take_their_volume_and_make_handles(plate):
-    solid = made(plate, Holes(at=((0.5, 0.5, 0.0), (1.5, 0.5, 0.0)), diameter=0.1, depth=0.2))
+def test_holes_take_their_volume_and_make_handles(thick_plate):
+    solid = made(thick_plate, Holes(at=((0.5, 0.5, 0.0), (1.5, 0.5, 0.0)), diameter=0.1, depth=0.2))
     assert solid.volume == pytest.approx(0.06 - 2 * rod(0.1, 0.03), rel=1e-9)
     assert (solid.genus, solid.pieces) == (2, 1)
 
 
-def test_a_hole_goes_no_deeper_than_asked(shell):
+def test_a_hole_keeps_its_depth(shell):
     """Into one side of a hollow ball: its void opens, the other side stays whole."""
     solid = made(shell, Holes(at=((0.0, 0.0, 1.0),), diameter=0.2, depth=0.4))
     assert (solid.genus, solid.pieces) == (0, 1)
@@ -62,42 +62,42 @@ def test_a_hole_goes_no_deeper_than_asked(shell):
     assert made(shell, Holes(at=((0.0, 0.0, 0.0),), diameter=0.2, depth=4.0)).genus == 1
 
 
-def test_holes_follow_their_axis(plate):
-    solid = made(plate, Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.5, axis=(1.0, 0.0, 1.0)))
+def test_holes_follow_their_axis(thick_plate):
+    solid = made(thick_plate, Holes(at=((0.5, 0.5, 0.0),), diameter=0.1, depth=0.5, axis=(1.0, 0.0, 1.0)))
     assert solid.volume == pytest.approx(0.06 - rod(0.1, 0.03 * np.sqrt(2)), rel=1e-9)
 
 
-def test_a_plane_cuts_off_what_its_normal_points_to(plate):
-    solid = made(plate, Trim(point=(0.5, 0.0, 0.0), normal=(2.0, 0.0, 0.0)))
+def test_a_trim_removes_the_side_of_its_normal(thick_plate):
+    solid = made(thick_plate, Trim(point=(0.5, 0.0, 0.0), normal=(2.0, 0.0, 0.0)))
     assert solid.volume == pytest.approx(0.5 * 0.03, rel=1e-9)
     assert solid.box[1][0] == pytest.approx(0.5)
 
 
-def test_a_box_keeps_what_is_inside(plate):
-    solid = made(plate, Trim(low=(0.1, 0.2, -1.0), high=(0.7, 0.9, 0.005)))
+def test_a_trim_box_keeps_its_inside(thick_plate):
+    solid = made(thick_plate, Trim(low=(0.1, 0.2, -1.0), high=(0.7, 0.9, 0.005)))
     assert solid.volume == pytest.approx(0.6 * 0.7 * 0.02, rel=1e-9)
     assert solid.box == pytest.approx(np.array([[0.1, 0.2, -0.015], [0.7, 0.9, 0.005]]))
 
 
-def test_feet_stand_under_what_is_picked(plate):
-    solid = made(plate, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
+def test_feet_stand_under_the_picked_vertices(thick_plate):
+    solid = made(thick_plate, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
     assert solid.volume == pytest.approx(0.06 + 0.1 * 1.1 * (0.1 - 0.015) + (0.1 * 1.1 - 0.05 * 1.0) * 0.03, rel=1e-9)
     assert solid.box[0] == pytest.approx([-0.05, -0.05, -0.1])
 
 
-def test_parts_that_are_apart_get_a_foot_each(plate):
+def test_parts_that_are_apart_get_a_foot_each(thick_plate):
     corners = [Ball(center=(x, y, 0.0), radius=0.15) for x in (0.0, 2.0) for y in (0.0, 1.0)]
-    solid = made(plate, *(Feet(at=at, height=0.2, margin=0.01, sink=0.01) for at in corners))
-    marks = np.logical_or.reduce([at.vertices(plate[1].surface) for at in corners])
-    assert len(plate[1].parts(marks)) == 4
+    solid = made(thick_plate, *(Feet(at=at, height=0.2, margin=0.01, sink=0.01) for at in corners))
+    marks = np.logical_or.reduce([at.vertices(thick_plate[1].surface) for at in corners])
+    assert len(thick_plate[1].parts(marks)) == 4
     below = solid.V[solid.V[:, 2] < -0.1]
     assert len(below) == 16
     assert solid.genus == 0
 
 
-def test_a_ring_beam_runs_around_a_plate(plate):
+def test_a_ring_beam_runs_around_a_plate(thick_plate):
     """The beam's middle line is 6 m long; inside of it lies a smaller plate."""
-    solid = made(plate, Ring(width=0.1, height=0.08))
+    solid = made(thick_plate, Ring(width=0.1, height=0.08))
     assert solid.volume == pytest.approx(6 * 0.1 * 0.08 + 1.9 * 0.9 * 0.03, rel=1e-9)
     assert solid.box == pytest.approx(np.array([[-0.05, -0.05, -0.04], [2.05, 1.05, 0.04]]))
     assert (solid.genus, solid.pieces) == (0, 1)
@@ -127,8 +127,8 @@ def test_a_ring_beam_runs_along_the_one_edge_of_a_moebius_strip():
     assert ringed.volume - solid.volume == pytest.approx(polygon_perimeter(strip.V[strip.loops[0]]) * 0.0025, rel=0.02)
 
 
-def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
-    solid = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02))
+def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(thick_plate):
+    solid = made(thick_plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02))
     assert solid.pieces == 6
     assert solid.volume == pytest.approx(0.06, rel=1e-9)
     for part in trimesh.Trimesh(solid.V, solid.F, process=False).split():
@@ -136,8 +136,8 @@ def test_parts_of_a_split_fit_the_bed_and_keep_the_volume(plate):
     assert np.ptp(solid.V, axis=0) == pytest.approx([2.04, 1.02, 0.03])
 
 
-def test_parts_are_solids_of_their_own(plate):
-    split = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+def test_parts_are_solids_of_their_own(thick_plate):
+    split = made(thick_plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
     found = parts(split)
     assert [part.pieces for part in found] == [1] * 6
     assert sum(part.volume for part in found) == pytest.approx(split.volume, rel=1e-12)
@@ -150,7 +150,7 @@ def test_parts_are_solids_of_their_own(plate):
         assert (np.ptp(part.V, axis=0) <= [0.7, 0.6, 1.0]).all()
     first = np.array([part.box[0] for part in found])
     assert (np.lexsort(first.T) == np.arange(6)).all()
-    assert parts(plate[0]) == (plate[0],)
+    assert parts(thick_plate[0]) == (thick_plate[0],)
 
 
 def test_voids_stay_with_their_parts(shell):
@@ -176,19 +176,19 @@ def test_a_build_writes_a_file_for_each_part(tmp_path, capsys):
     assert all((part.extents <= 801).all() and part.body_count == 1 for part in each)  # millimetres
 
 
-def test_dowels_are_drilled_into_every_cut_face(plate):
+def test_dowels_are_drilled_into_every_cut_face(thick_plate):
     """Two cuts across x with two faces each, one across y with three: seven, in both parts."""
-    solid = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
+    solid = made(thick_plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.01, deep=0.03))
     assert solid.volume == pytest.approx(0.06 - 7 * rod(0.01, 0.06), rel=1e-9)
     assert (solid.genus, solid.pieces) == (0, 6)
-    thick = made(plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.02, deep=0.03))
+    thick = made(thick_plate, SplitBodies(bed=(0.7, 0.6, 1.0), apart=0.02, dowel=0.02, deep=0.03))
     assert thick.volume == pytest.approx(0.06, rel=1e-9)  # the faces are too narrow for these
 
 
 @pytest.mark.parametrize("bed", [(1.2, 2.0, 1.0), (3.0, 0.6, 1.0)])
-def test_dowels_sit_in_the_middle_of_the_thickness(plate, bed):
+def test_dowels_sit_in_the_middle_of_the_thickness(thick_plate, bed):
     off = Trim(low=(0.0, 0.0, -0.015), high=(2.0, 1.0, 0.005))
-    solid = made(plate, off, SplitBodies(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
+    solid = made(thick_plate, off, SplitBodies(bed=bed, apart=0.02, dowel=0.008, deep=0.03))
     assert solid.volume == pytest.approx(0.04 - rod(0.008, 0.06), rel=1e-9)
 
 
@@ -198,11 +198,11 @@ def test_dowels_find_the_material_of_bent_faces(shell):
     assert (solid.genus, solid.pieces) == (0, 8)
 
 
-def test_extras_are_made_in_their_order(plate):
+def test_extras_are_made_in_their_order(thick_plate):
     cut = Trim(point=(1.0, 0.0, 0.0), normal=(1.0, 0.0, 0.0))
     hole = Holes(at=((1.0, 0.5, 0.0),), diameter=0.1, depth=0.2)
-    assert made(plate, hole, cut).volume == pytest.approx(0.03 - rod(0.1, 0.03) / 2, rel=1e-6)
-    assert made(plate).V is plate[0].V
+    assert made(thick_plate, hole, cut).volume == pytest.approx(0.03 - rod(0.1, 0.03) / 2, rel=1e-6)
+    assert made(thick_plate).V is thick_plate[0].V
 
 
 @pytest.mark.parametrize(
@@ -224,21 +224,21 @@ def test_extras_are_made_in_their_order(plate):
         (Feet(at=All(), height=-0.1, margin=0.05, sink=0.01), "height must be a positive length"),
     ],
 )
-def test_an_extra_that_cannot_be_made_is_refused(plate, extra, words):
+def test_an_extra_that_cannot_be_made_is_refused(thick_plate, extra, words):
     with pytest.raises(SolidError, match=words):
-        with_extras(plate[0], [extra], plate[1])
+        with_extras(thick_plate[0], [extra], thick_plate[1])
 
 
-def test_a_foot_beside_the_solid_is_refused(plate):
+def test_a_foot_beside_the_solid_is_refused(thick_plate):
     gone = Trim(point=(0.5, 0.0, 0.0), normal=(-1.0, 0.0, 0.0))
     with pytest.raises(SolidError, match="does not touch"):
-        made(plate, gone, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
+        made(thick_plate, gone, Feet(at=Side(axis="x", end="min"), height=0.1, margin=0.05, sink=0.015))
 
 
-def test_a_ring_beam_beside_the_solid_is_refused(plate):
+def test_a_ring_beam_beside_the_solid_is_refused(thick_plate):
     inner = Trim(low=(0.5, 0.3, -1.0), high=(1.5, 0.7, 1.0))
     with pytest.raises(SolidError, match="does not touch"):
-        made(plate, inner, Ring(width=0.1, height=0.1))
+        made(thick_plate, inner, Ring(width=0.1, height=0.1))
 
 
 def test_a_preset_has_extras():

@@ -6,8 +6,8 @@ from dsfab.surface import Surface
 from dsfab.thickening.repair import flatten_contacts, unfold
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
-from tests.thickening.test_thickening import check_sound, made
-from tests.zoo import grid
+from tests.shapes import grid
+from tests.thickening.thick_solids import check_sound, made
 
 CELL = 1 / 12
 
@@ -22,7 +22,7 @@ def folded_plate() -> Surface:
     return Surface(V, grid(12, 12, 1.0, 1.0).F)
 
 
-def test_a_fold_smaller_than_the_thickness_is_smoothed_and_told():
+def test_a_fold_smaller_than_the_thickness_is_smoothed_with_a_note():
     plate = folded_plate()
     assert len(intersecting_pairs(plate.V, plate.F)) > 0
     solid = made(plate, 0.25)

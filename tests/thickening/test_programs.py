@@ -10,7 +10,7 @@ from dsfab.core.units import MM_PER_M
 from dsfab.export.mesh import triangles
 from dsfab.export.part import Part
 from dsfab.thickening import Solid
-from tests.thickening.test_zoo import fuzzed
+from tests.thickening.solid_zoo import fuzzed
 
 SEEDS = (0, 1, 2, 3, 4, 6, 7, 8, 11, 13)
 """Plates, spheres, saddles and Moebius strips, with exact hits, near hits and noise; pinches joined and split."""

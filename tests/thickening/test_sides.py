@@ -17,9 +17,21 @@ from dsfab.thickening import Side, offsets, thicken
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.union import Overlap, _part, _stuck
-from tests.surface.test_cover import turned
-from tests.thickening.test_thickening import annulus, check_second_order, check_sound, folded, made, real, wrapped
-from tests.zoo import ZOO, grid, lifted, moebius, projective_plane, sphere
+from tests.shapes import (
+    ZOO,
+    annulus,
+    folded,
+    grid,
+    joined,
+    lifted,
+    moebius,
+    projective_plane,
+    sphere,
+    stacked,
+    torus,
+    with_mixed_sides,
+)
+from tests.thickening.thick_solids import check_second_order, check_sound, made, real
 
 
 def strip_area(width: float, cells: int = 800) -> float:
@@ -42,8 +54,8 @@ def test_a_moebius_strip_becomes_one_ring_whose_volume_converges():
     check_sound(solids[1])
 
 
-def test_how_the_faces_are_turned_makes_no_difference_to_a_strip():
-    one, two = made(moebius(), 0.05), made(turned(moebius())[0], 0.05)
+def test_the_solid_of_a_one_sided_strip_does_not_depend_on_face_orientation():
+    one, two = made(moebius(), 0.05), made(with_mixed_sides(moebius())[0], 0.05)
     assert two.volume == pytest.approx(one.volume, rel=1e-12)
     assert np.allclose(one.box, two.box)
     check_sound(two)
@@ -51,7 +63,7 @@ def test_how_the_faces_are_turned_makes_no_difference_to_a_strip():
 
 def test_a_sheet_whose_faces_are_turned_at_random_is_thickened_all_the_same():
     """As a cut part of a strip may be: its vectors are seen from the first face around each vertex."""
-    ring, (mixed, flips) = annulus(), turned(annulus())
+    ring, (mixed, flips) = annulus(24, 4), with_mixed_sides(annulus(24, 4))
     D = np.array(offsets(ring, 0.05).D)
     first = np.full(ring.n, -1)
     first[mixed.F[::-1].ravel()] = np.repeat(np.arange(ring.m)[::-1], 3)
@@ -63,7 +75,7 @@ def test_a_sheet_whose_faces_are_turned_at_random_is_thickened_all_the_same():
         offsets(mixed, 0.05)
 
 
-def test_the_closed_projective_plane_has_one_sphere_around_it():
+def test_the_solid_of_the_closed_projective_plane_is_a_sphere():
     """Its double cover is a sphere, before what crosses is united."""
     boy = projective_plane()
     skin = Skin.from_surface(boy)
@@ -119,7 +131,7 @@ def preset(path: Path, surface: Surface, changes: dict) -> dsfab.Preset:
 
 
 def test_a_strip_goes_through_the_whole_line_from_a_file(tmp_path):
-    design = dsfab.run(preset(tmp_path / "strip.obj", turned(moebius(90, 10, 0.8))[0], {}))
+    design = dsfab.run(preset(tmp_path / "strip.obj", with_mixed_sides(moebius(90, 10, 0.8))[0], {}))
     solid, sheet = design.solid, design.sheet.surface
     assert len(misoriented_edges(design.surface.F, design.surface.edges)) > 0
     assert 0.2 < sheet.area / design.surface.area < 0.9
@@ -134,7 +146,7 @@ def test_a_strip_goes_through_the_whole_line_from_a_file(tmp_path):
 
 
 @pytest.mark.parametrize(("side", "low", "high"), [("mid", -0.015, 0.015), ("out", 0, 0.03), ("in", -0.03, 0)])
-def test_a_plate_lies_where_it_was_asked_to(side: Side, low, high):
+def test_a_plate_lies_on_the_requested_side(side: Side, low, high):
     plate = ZOO["flat"]()
     solid = thicken(plate, offsets(plate, 0.03, side).D, side)
     assert np.allclose(solid.box[:, 2], [low, high], atol=1e-15)
@@ -233,7 +245,7 @@ def measured(surface: Surface, t: float, side: Side = "mid") -> np.ndarray:
     [(make, side) for make in (lambda: sphere(4), wave) for side in ("mid", "out", "in")]
     + [(lambda: moebius(160, 16, 0.8), "mid")],
 )
-def test_thickness_across_the_sheet_is_what_was_asked(make, side: Side):
+def test_the_measured_thickness_is_the_requested_thickness(make, side: Side):
     surface = make()
     seam = surface.V[surface.edges.ends[misoriented_edges(surface.F, surface.edges)]].reshape(-1, 3)
     away = np.linalg.norm(surface.centroids[:, None] - seam, axis=2).min(axis=1, initial=np.inf) > 0.06
@@ -242,7 +254,7 @@ def test_thickness_across_the_sheet_is_what_was_asked(make, side: Side):
 
 
 @pytest.mark.parametrize("side", ["mid", "out", "in"])
-def test_thickness_across_a_fold_is_what_was_asked_away_from_its_crease(side: Side):
+def test_the_thickness_of_a_fold_is_exact_away_from_its_crease(side: Side):
     fold = folded(90, 20)
     away = np.abs(fold.centroids[:, [0, 2]]).max(axis=1) > 0.1
     assert away.sum() > 0.8 * fold.m
@@ -250,7 +262,7 @@ def test_thickness_across_a_fold_is_what_was_asked_away_from_its_crease(side: Si
 
 
 @pytest.mark.parametrize(("name", "share"), [("bob", 0.01), ("hypar", 0.02), ("roof_with_opening", 0.02)])
-def test_thickness_across_real_sheets_is_what_was_asked(name, share):
+def test_the_measured_thickness_of_real_meshes_is_the_requested_thickness(name, share):
     """For at least 98 of 100 faces: the rest lie at creases of these meshes."""
     surface = real(name)
     t = share * surface.size / 2
@@ -263,16 +275,16 @@ def test_thickness_across_real_sheets_is_what_was_asked(name, share):
 def near_sheets(folder, **changes):
     """Two plates closer together than any thinning allows."""
     plate = grid(6, 6, 1.0, 1.0)
-    both = Surface(np.concatenate([plate.V, plate.V + [0, 0, 2e-5]]), np.concatenate([plate.F, plate.F + plate.n]))
+    both = stacked(plate, 2e-5)
     return preset(folder / "near.obj", both, {"statics.thickness": 0.05, **changes})
 
 
-def test_a_solid_that_still_meets_itself_is_refused_when_asked(tmp_path):
+def test_strict_thickening_refuses_a_solid_that_intersects_itself(tmp_path):
     with pytest.raises(DsfabError, match=r"pairs of faces .* still intersect.*thickening.strict refuses"):
         dsfab.run(near_sheets(tmp_path, **{"thickening.strict": True}))
 
 
-def test_design_json_says_what_was_done(tmp_path):
+def test_design_json_lists_the_repairs(tmp_path):
     design = dsfab.run(near_sheets(tmp_path))
     told = design_facts(design, dict(design.seconds), [], [])["thickening"]
     repairs = design.solid.repairs
@@ -284,7 +296,7 @@ def test_design_json_says_what_was_done(tmp_path):
     assert any(f"{repairs.pairs} pairs of faces of the solid still intersect" in n.text for n in design.notes)
 
 
-def test_the_rung_tells_what_it_took():
+def test_the_rung_names_the_repair_that_was_needed():
     plate = grid(4, 4, 1.0, 1.0)
     assert made(plate, 0.1).repairs.rung == "none"
     both = Surface(np.concatenate([plate.V, plate.V + [0, 0, 0.07]]), np.concatenate([plate.F, plate.F + plate.n]))
@@ -300,7 +312,7 @@ def test_the_rung_tells_what_it_took():
 def crossing_plates() -> Surface:
     plate = grid(8, 8, 1.0, 1.0)
     wall = np.c_[plate.V[:, 0] * 0 + 0.43, plate.V[:, 1] + 0.013, plate.V[:, 0] - 0.47]
-    return Surface(np.concatenate([plate.V, wall]), np.concatenate([plate.F, plate.F + plate.n]))
+    return joined(plate, Surface(wall, plate.F))
 
 
 def check_fused(solid, volume: float) -> None:
@@ -322,10 +334,10 @@ def test_two_plates_that_cross_become_one_cross():
     assert solid.notes == ("the sheet crosses itself in one place; its parts are fused there",)
 
 
-def test_a_tube_through_a_sphere_has_the_handles_and_the_voids_that_it_must():
+def test_a_tube_through_a_sphere_has_the_right_handles_and_voids():
     """A closed tube (torus) through the shell of a ball, twice: its inside joins outside and inside of nothing."""
     ball = sphere(4)
-    ring = torus_of(1.0, 0.3)
+    ring = torus(48, 16, 1.0, 0.3)
     both = Surface(np.concatenate([ball.V, ring.V + [1, 0, 0]]), np.concatenate([ball.F, ring.F + ball.n]))
     solid = made(both, 0.02)
     shells = trimesh.Trimesh(solid.V, solid.F, process=False).split(only_watertight=False)
@@ -370,16 +382,6 @@ def test_the_boy_that_ships_meets_itself_nowhere():
     ends = np.sort(of.reshape(-1)[solid.F][:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     assert (np.unique(ends, axis=0, return_counts=True)[1] == 2).all()
     assert len(points) == len(np.unique(solid.F))
-
-
-def torus_of(radius: float, tube: float) -> Surface:
-    def place(u, v):
-        r = radius + tube * np.cos(2 * np.pi * v)
-        return r * np.cos(2 * np.pi * u), r * np.sin(2 * np.pi * u), tube * np.sin(2 * np.pi * v)
-
-    open_ = wrapped(48, 16, place)
-    points, of = np.unique(np.round(open_.V, 12) + 0.0, axis=0, return_inverse=True)
-    return Surface(points, of.reshape(-1)[open_.F])
 
 
 # ---------------------------------------------------------------- single precision

@@ -68,7 +68,7 @@ def ratio(name: str, cells: int, elements: Elements, mesh="union_jack") -> float
 @pytest.mark.parametrize(
     ("name", "cells", "elements", "known", "within"), KNOWN, ids=lambda v: str(v) if not isinstance(v, float) else ""
 )
-def test_ratios_are_those_measured_with_other_code(name, cells, elements, known, within):
+def test_ratios_agree_with_independent_code(name, cells, elements, known, within):
     assert ratio(name, cells, elements) == pytest.approx(known, abs=within)
 
 
@@ -140,7 +140,7 @@ def test_patches_of_constant_stress_are_exact(name, elements):
         ("axial_cylinder", (0, 0, 0)),
     ],
 )
-def test_the_whole_load_is_what_the_source_says(name, total):
+def test_the_total_load_equals_the_load_of_the_source(name, total):
     problem = TESTS[name].problem(16, "union_jack")
     force = (problem.force + problem.spread.vertex_forces(problem.surface)).sum(axis=0)
     assert force == pytest.approx(np.array(total, dtype=float), rel=1e-3, abs=1e-7)

@@ -172,7 +172,7 @@ def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
     assert found.ours == (None if ours is None else pytest.approx(ours, rel=0.01))
 
 
-def test_a_value_that_passes_through_the_reference_counts_as_what_follows(monkeypatch):
+def test_a_value_that_crosses_the_reference_counts_with_its_later_error(monkeypatch):
     published = Published("cook", "x", 4, 0.98, NODAL, unknowns=100)
     monkeypatch.setattr(results, "PUBLISHED", (published,))
     (found,) = standings(rows_of((4, 100, 1.0001), (8, 1000, 1.04), (16, 10000, 1.01)), TESTS)
@@ -187,7 +187,7 @@ def test_published_values_name_tests_meshes_and_sources():
     assert "recalled" in str(next(p.source for p in PUBLISHED if p.element == "NASTRAN QUAD4"))
 
 
-def test_shortfalls_name_what_constant_strain_does_and_what_others_publish():
+def test_shortfalls_list_values_of_constant_strain_and_published_values():
     test = replace(TESTS["cook"], meshes=("diagonal",))
     lines = shortfalls(list(verify([test, TESTS["patch_shear"]], [PAPER])))
     assert list(lines) == ["cook"]
@@ -213,7 +213,7 @@ def test_a_refused_solve_is_a_verdict_and_fails_the_command(monkeypatch, capsys)
     assert "refused" in capsys.readouterr().out
 
 
-def test_targets_are_about_the_limit_where_there_is_one():
+def test_targets_lie_near_the_limit_of_refinement():
     test = TESTS["holed_hemisphere"]
     assert isinstance(test, Test)
     row = series(replace(test, cells=(16,)), "union_jack", BEST)[0]
@@ -223,7 +223,7 @@ def test_targets_are_about_the_limit_where_there_is_one():
 
 
 @pytest.mark.parametrize(("name", "within"), [("curved_beam_in_plane", 0.0015), ("scordelis_lo", 0.001)])
-def test_limits_are_what_meshes_come_to_and_usual_references_are_not(name, within):
+def test_recorded_limits_equal_the_limit_of_refinement(name, within):
     test = TESTS[name]
     row = series(replace(test, cells=(test.cells[2],)), "union_jack", BEST)[0]
     assert row.limit == test.limit

@@ -17,7 +17,7 @@ from dsfab.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, hal
 from dsfab.verification.results import OUTSIDE, outside_series
 from dsfab.verification.vibrations import PLATE_HERTZ, STEEL
 from tests.calculix import needs_ccx
-from tests.zoo import grid, jittered
+from tests.shapes import grid, jittered
 
 BUCKLING = elements_of("buckling")
 
@@ -126,7 +126,7 @@ def test_the_limit_of_the_hook_follows_from_de_saint_venants_torsion():
     assert hook_work(thin)[1] / whole * HOOK == pytest.approx(TESTS["raasch_hook"].limit, rel=1e-3)
 
 
-def test_the_hook_is_told_apart_from_elements_that_are_off():
+def test_the_hook_test_distinguishes_good_from_bad_elements():
     hook = TESTS["raasch_hook"]
     rows = series(replace(hook, cells=(4, 8)), "union_jack", BUCKLING)
     assert [row.verdict for row in rows] == ["theory", "theory"]

@@ -208,7 +208,7 @@ class Kit:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sphere", "hypar"])
-def test_bars_and_plates_put_together_from_drawings_have_their_nodes_where_they_were_designed(name):
+def test_bars_and_plates_assembled_from_drawings_meet_at_the_designed_nodes(name):
     """From one node on, bar by bar, by plates and bars as DXF and by bars.csv alone; folds, dips and twists count."""
     plan = plan_of(name, 0.3)
     kit, joints = Kit(plan), {joint.node.id: joint for joint in plan.bar_lattice.joints}
@@ -283,7 +283,7 @@ def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
 
 
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])
-def test_bars_of_a_node_are_clear_of_each_other_and_their_bolts_go_through_both(name):
+def test_bars_of_a_node_are_apart_and_bolts_pass_bar_and_plate(name):
     """In space: the plane between two bars that stands on the plate has all of each bar on its side."""
     plan = plan_of(name)
     parts, least = {part.id: part for part in plan.parts}, []
@@ -329,7 +329,7 @@ def vault():
     return sliced(load_preset("barrel_vault", changes))
 
 
-def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault):
+def test_auto_takes_bars_if_strips_cannot_be_bent_and_gives_the_excess(vault):
     """Strain t |kn| / 2 against strength over stiffness; the thickest strips are as much thinner as that is more."""
     graph, statics = vault.members, vault.preset.statics
     limit = statics.strength / statics.young
@@ -426,7 +426,7 @@ def test_a_plate_below_strips_has_a_hole_for_the_bolt_of_its_node_and_two_for_an
     assert leg_lines([], ["N1"]) == [line for line in leg_lines([0.5], ["N1"]) if line.startswith("no leg at N1: ")]
 
 
-def test_plates_of_a_vault_have_legs_along_its_springing_as_steep_as_the_arch_is_there(vault):
+def test_node_plates_of_a_vault_follow_the_slope_of_the_arch_at_its_springing(vault):
     """An arch of 2.5 m over 8 m: at half of the band from its edge it falls by acos(1 - 2.5 / R) - band / 2R."""
     asked = Design.from_preset(
         with_overrides(vault.preset, {"workshop.route": "bars", "workshop.anchor": 0.016}), vault

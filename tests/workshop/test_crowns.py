@@ -34,7 +34,7 @@ def crown(count):
 
 
 @pytest.mark.parametrize("count", [12, 24, 25])
-def test_as_many_go_on_as_there_is_room_for_and_others_stop_at_their_last_node(count):
+def test_meridians_beyond_the_room_at_the_crown_stop_at_their_last_node(count):
     """Two ends at a radius r, m of n meridians apart, are 2 r sin(pi m / n) from each other."""
     courses, nodes = crown(count)
     stopped = shortened_courses(courses, nodes, set(), PAST)
@@ -46,7 +46,7 @@ def test_as_many_go_on_as_there_is_room_for_and_others_stop_at_their_last_node(c
     assert max(shared) < 0.05 * WIDTH**2  # corners of ends that touch by a fiftieth of their width
 
 
-def test_strips_that_are_apart_or_notched_at_a_node_stay_as_they_are():
+def test_separate_or_notched_strips_stay_whole():
     courses, nodes = crown(8)
     assert shortened_courses(courses, nodes, set(), PAST) == {}
     courses, nodes = crown(24)
@@ -54,7 +54,7 @@ def test_strips_that_are_apart_or_notched_at_a_node_stay_as_they_are():
     assert shortened_courses(courses, nodes, every, PAST) == {}
 
 
-def test_without_a_node_before_they_stop_where_they_would_touch():
+def test_meridians_without_nodes_stop_before_they_touch():
     courses, _ = crown(24)
     stopped = shortened_courses(courses, {name: [] for name in courses}, set(), PAST)
     for one in stopped.values():

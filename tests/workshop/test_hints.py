@@ -6,7 +6,7 @@ import pytest
 from dsfab.workshop import FlatPart, Hole, nest_parts
 from dsfab.workshop.nesting import stack_parts
 from dsfab.workshop.stock import narrow_strip, sheet_hints
-from tests.workshop.test_workshop import least_gap
+from tests.workshop.drawn_parts import least_gap
 
 GAP = 0.008
 
@@ -30,7 +30,7 @@ def test_strips_that_are_a_little_too_wide_for_one_more_row():
     assert said.startswith("strips 190 mm wide instead of 200 mm would need 2 sheets instead of 3; see [pattern.width]")
 
 
-def test_the_least_narrowing_that_saves_is_told_and_none_where_none_does():
+def test_the_hint_gives_the_least_narrowing_that_saves_a_sheet():
     """/ (.21 + .008) = 5.7, / (.2 + .008) = 5.97: only a tenth less is a row more; 10 strips need no more rows."""
     said, *_ = hints(strips(11, 2.4, 0.21), [(2.5, 1.25)])
     assert "190 mm wide instead of 210 mm would need 2 sheets instead of 3" in said
@@ -51,7 +51,7 @@ def test_strips_are_not_made_narrower_than_their_bolts_allow():
     assert [len(some) for some in said] == [0, 1]
 
 
-def test_strips_of_several_widths_are_told_by_a_share():
+def test_the_hint_for_strips_of_several_widths_is_a_share():
     said, *_ = hints(strips(11, 2.4, 0.2) + strips(1, 2.4, 0.1), [(2.5, 1.25)])
     assert said.startswith("strips 5% narrower would need 2 sheets instead of 3")
 
@@ -84,7 +84,7 @@ def bent(count):
     return found
 
 
-def test_a_nest_is_given_up_only_where_its_sheets_are_too_many():
+def test_nesting_stops_only_with_too_many_sheets():
     parts, stock = bent(40)[::2], [(2.2, 0.6)]
     count = len(stack_parts(parts, stock, GAP, 40))
     assert len(stack_parts(parts, stock, GAP, count)) == count > 1

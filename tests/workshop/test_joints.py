@@ -33,7 +33,7 @@ def whole(xy):
     return np.zeros(len(xy), dtype=bool)
 
 
-def grid(xy):
+def square_windows(xy):
     """Squares of .25 m with ribs of .1 m between them."""
     return ((xy + 0.05) % 0.35 > 0.1).all(axis=1)
 
@@ -61,7 +61,7 @@ def polygons(parts):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("ribs", [whole, grid, leaning])
+@pytest.mark.parametrize("ribs", [whole, square_windows, leaning])
 @pytest.mark.parametrize("room", [[(1.7, 1.6)], [(1.3, 0.9)]])
 def test_pieces_with_fingers_are_the_sheet_without_gap_or_overlap(ribs, room):
     sheet, joint = ribbed(ribs), SheetJoint("fingers", 0.02)
@@ -78,7 +78,7 @@ def test_pieces_with_fingers_are_the_sheet_without_gap_or_overlap(ribs, room):
         assert sum(one.length for one in pieces) > straight + 2 * 30 * 0.08
 
 
-def test_a_sheet_is_divided_anew_where_a_piece_with_what_hangs_on_it_fits_on_no_stock():
+def test_a_sheet_is_divided_again_if_a_piece_with_its_spurs_fits_on_no_stock():
     """Both halves have room with their fingers, 1.54 m; that with the spur is 1.6 m long."""
     joint = SheetJoint("fingers", 0.02)
     assert sheet_parts(ribbed(whole), [(1.58, 1.55)], joint).counts == (2, 1)

@@ -20,10 +20,11 @@ from dsfab.workshop import Layering, member_course, strip_limits, strip_parts, w
 from dsfab.workshop.card_models import MODEL_LETTERS, model_notes, scaled_graph, scaled_surface
 from dsfab.workshop.ground import BasePlane, StripFoot, base_parts, clipped_polygon
 from dsfab.workshop.layers import END_DISTANCE
+from tests.analytic import SURFACES
 from tests.designs import sliced
-from tests.report.test_assembly import Recorder
-from tests.workshop.test_strips import SURFACES, Bent, ReadPart, graph_of
-from tests.workshop.test_workshop import drawn, least_gap
+from tests.report.recorder import Recorder
+from tests.workshop.drawn_parts import drawn, least_gap
+from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of
 
 CARD = Layering(0.001, 2, 0.0006, ("keep",), MODEL_LETTERS)
 A3 = [(0.418, 0.295)]
@@ -166,7 +167,7 @@ COORDINATE = st.floats(-2, 2).map(lambda x: round(x, 3))
 
 
 @given(st.tuples(COORDINATE, COORDINATE), st.floats(0, np.pi), st.floats(0.1, 3), st.floats(0.1, 3))
-def test_a_clipped_rectangle_is_what_shapely_has_of_it(middle, turn, long, wide):
+def test_a_clipped_rectangle_agrees_with_shapely(middle, turn, long, wide):
     way = np.array([np.cos(turn), np.sin(turn)])
     across = np.array([-way[1], way[0]])
     corners = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) * [long / 2, wide / 2]
@@ -198,7 +199,7 @@ def test_a_plate_larger_than_the_stock_is_in_pieces_that_have_all_of_its_slots()
 # --- what card cannot do
 
 
-def test_card_on_a_sphere_is_bent_by_half_its_thickness_over_the_radius_and_narrow_members_are_told_with_a_scale():
+def test_card_on_a_sphere_has_the_bending_strain_of_its_thickness_over_the_radius():
     made, graph = graph_of("sphere", 0.4)
     limit = 0.01
     notes = {}
@@ -224,7 +225,7 @@ def test_packing_fills_the_layers_between_members():
     assert all(len(part.holes) == 1 for part in squares)
 
 
-def test_a_model_keeps_the_gap_on_its_sheets_and_its_names_on_its_parts():
+def test_a_model_keeps_the_nesting_gap_and_the_names_of_parts():
     _, plan = vault()
     assert least_gap(plan.sheets) > 0.001 - 1e-8
     assert {sheet.size for sheet in plan.sheets} == {(0.42, 0.297)}
@@ -277,7 +278,7 @@ def test_the_command_writes_a_sheet_each_for_the_laser_and_removes_those_of_an_e
         (["--thickness", "2miles"], "--thickness '2miles' is not a length; write for instance 1mm"),
     ],
 )
-def test_what_is_no_scale_no_sheet_and_no_length_is_refused_in_a_sentence(words, said, capsys):
+def test_invalid_scales_sheets_and_lengths_are_refused_in_one_sentence(words, said, capsys):
     assert main(["workshop", "dome", *words]) == 1
     assert said in capsys.readouterr().err
 

@@ -31,7 +31,7 @@ def panels_of(name):
 
 
 @pytest.mark.parametrize(("name", "bay"), [("cylinder", 0.8), ("sphere", 0.65)])
-def test_panels_end_at_the_edges_of_what_goes_through_and_tabs_before_its_middle(name, bay):
+def test_panels_end_at_through_members_and_tabs_before_their_middle(name, bay):
     """Between two stripes of .12 m a panel is bay - .12 long, and its tabs come to .15 of .06 from both middles."""
     tab = (1 - TAB_GAP_SHARE) * WIDTH / 2 * (ROOT_SHARE + TIP_SHARE) / 2 * WIDTH
     long, area = bay - TAB_GAP_SHARE * WIDTH, (bay - WIDTH) * WIDTH + 2 * tab
@@ -51,7 +51,7 @@ def is_inner(part):
 
 
 @pytest.mark.parametrize("name", SURFACES)
-def test_all_panels_are_simple_and_those_that_go_through_are_whole(name):
+def test_panels_are_simple_polygons_and_through_panels_are_whole(name):
     found = panels_of(name)
     assert not found.sharp
     assert all(Polygon(part.outline).is_valid and part.area > 0 for part in found.parts)

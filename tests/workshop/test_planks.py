@@ -92,7 +92,7 @@ def test_twisted_edges_are_longer_than_drawn_as_a_helix_says():
     assert f"up to {1e3 * max(plan.planks.longer.values()):.3g} mm longer" in plan.lines[1]
 
 
-def test_a_slot_opens_by_what_the_way_leans_to_each_plank():
+def test_a_slot_widens_with_the_lean_of_the_assembly_direction():
     crossing = plan_of("hypar").planks.crossings.crossings[7]
     one, two = crossing.ways
     lower, upper = crossing.slot_leans(crossing.normal + 0.1 * one - 0.2 * two)
@@ -179,7 +179,7 @@ def body(strip, shift=(0, 0, 0)):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sphere", "hypar"])
-def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
+def test_crossing_planks_do_not_collide_during_assembly(name):
     """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
     plan, strips = plan_of(name), {one.id: one for one in refolded_plan(whole_of(name)).strips}
     pieces = [part for part in plan.planks.pieces if part.member[0] == "B"]
@@ -208,7 +208,7 @@ def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
 # --- what cannot be, and where planks end
 
 
-def test_arches_stand_first_and_purlins_are_put_on_them():
+def test_arches_are_assembled_before_purlins():
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5}))
     assert [one for one in standing_order(vault.members, UP) if one in ("major", "minor")] == ["minor", "major"]
     thick = with_overrides(vault.preset, {"workshop.route": "planks", "workshop.depth": 0.1})
@@ -242,7 +242,7 @@ def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(
 
 
 @pytest.mark.slow
-def test_slots_too_near_to_each_other_and_steep_ones_are_told():
+def test_crowded_and_steep_slots_give_a_note():
     thick = plan_of("sphere", 0.4, PlankStock(0.3, 0.6, 0.012, "none", (0.02, 0.008)))
     assert any(line.startswith("NOT POSSIBLE: these slots are omitted") for line in thick.lines)
     assert thick.planks.crowded

@@ -15,7 +15,7 @@ from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.assembly.flat_parts import sheet_figures
 from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nest_parts, stock_cost, stock_words, workshop_plan
 from tests.designs import sliced
-from tests.workshop.test_workshop import least_gap
+from tests.workshop.drawn_parts import least_gap
 
 GAP = 0.008
 LARGE, SMALL = (2.5, 1.25), (1.25, 0.6)
@@ -39,7 +39,7 @@ def test_sheets_are_those_that_cost_least_together(large, small, words):
     assert stock_words(nest_parts(strips(25), (LARGE, SMALL), GAP, True, (large, small))) == words
 
 
-def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
+def test_a_part_too_large_for_a_small_sheet_opens_a_large_sheet_that_is_filled():
     """A row of 2.2 m leaves room for ten more rows of two: the small sheet holds what is left."""
     parts = strips(1, 2.2) + strips(25)
     sheets = nest_parts(parts, (SMALL, LARGE), GAP, True, (12, 40))
@@ -53,7 +53,7 @@ def test_what_fits_on_no_small_sheet_takes_a_large_one_and_fills_it():
     st.lists(st.tuples(st.floats(0.2, 1.2), st.floats(0.04, 0.5)), min_size=1, max_size=15),
     st.tuples(st.floats(1, 50), st.floats(1, 50)),
 )
-def test_two_sizes_never_cost_more_than_one_of_them_and_keep_the_gap(sizes, prices):
+def test_two_sheet_sizes_never_cost_more_than_one_size(sizes, prices):
     parts = [strips(k + 1, *size)[-1] for k, size in enumerate(sizes)]
     both = nest_parts(parts, (LARGE, SMALL), GAP, prices=prices)
     assert sorted(one.part.id for sheet in both for one in sheet.parts) == sorted(part.id for part in parts)
@@ -63,7 +63,7 @@ def test_two_sizes_never_cost_more_than_one_of_them_and_keep_the_gap(sizes, pric
 
 
 @pytest.mark.slow
-def test_parts_are_cut_for_shorter_sheets_where_long_ones_are_dear():
+def test_parts_are_spliced_for_shorter_sheets_if_long_sheets_are_expensive():
     """Strips that are spliced for sheets of 6 m have room on no others."""
     vault = sliced(load_preset("barrel_vault", {"surface.edge": 0.5, "workshop.route": "strips"}))
     stock, plans = [[6, 1.25], [2.5, 1.25]], {}

@@ -18,7 +18,7 @@ from dsfab.workshop import nest_parts, workshop_plan
 from dsfab.workshop.nesting import NestedPart, NestedSheet, with_fewer_sheets
 from dsfab.workshop.nesting import sheets as emptying
 from dsfab.workshop.nesting.sheets import least_clearance, polygon_distance
-from tests.workshop.test_workshop import bowed, least_gap
+from tests.workshop.drawn_parts import bowed, least_gap
 
 GAP, SIZE = 0.008, (2.5, 1.25)
 
@@ -48,7 +48,7 @@ def two_sheets():
     return [NestedSheet(SIZE, (NestedPart(part, 0.0, (0.6, 0.1)),)) for part in parts]
 
 
-def test_what_the_solver_says_is_taken_where_it_holds(monkeypatch):
+def test_a_valid_nest_of_the_solver_is_taken(monkeypatch):
     def says(program, path, seconds):
         with open(path, encoding="utf-8") as file:
             job = json.load(file)
@@ -75,7 +75,7 @@ def test_what_the_solver_says_is_taken_where_it_holds(monkeypatch):
         subprocess.TimeoutExpired("spyrrow", 20),
     ],
 )
-def test_sheets_stay_as_they_are_where_it_does_not_hold_or_nothing_comes(said, monkeypatch):
+def test_an_invalid_or_missing_nest_leaves_the_sheets_unchanged(said, monkeypatch):
     def says(program, path, seconds):
         if isinstance(said, Exception):
             raise said
@@ -86,7 +86,7 @@ def test_sheets_stay_as_they_are_where_it_does_not_hold_or_nothing_comes(said, m
     assert with_fewer_sheets(before, GAP) == before
 
 
-def test_without_the_library_one_sentence_says_what_to_install(monkeypatch):
+def test_without_spyrrow_the_error_names_the_package_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     design = Design.from_preset(load_preset("cantilever", {"workshop.nesting": "spyrrow"}))
     with pytest.raises(

@@ -11,7 +11,7 @@ ROOM = [(2.484, 1.234)]
 
 
 @pytest.mark.parametrize("wide", [0.1, 0.3, 0.6])
-def test_the_longest_piece_that_fits_does_so_as_it_lies(wide):
+def test_the_longest_piece_fits_on_its_sheet_as_placed(wide):
     """A strip whose axis is beside the middle of one end was 0.8 mm too long for its sheet: no plan."""
     s = np.linspace(0, 6, 121)
     P = np.column_stack([s, 0 * s, 0 * s])

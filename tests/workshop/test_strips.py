@@ -6,25 +6,17 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy.interpolate import CubicSpline
 
-from dsfab.export import flat_dxf
-from dsfab.members import Member, MemberAxis, MemberGraph, member_graph
+from dsfab.members import Member, MemberAxis, MemberGraph
 from dsfab.workshop import Development, Layering, PlankStock, is_strip, member_course, plank_plan, strip_parts
-from dsfab.workshop.files import part_drawing
 from tests.analytic import SURFACES, WIDTH
-from tests.zoo import grid
+from tests.shapes import grid
+from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of
 
 LAYERING = Layering(thickness=0.018, count=2, bolt=0.012)
 STOCK = [(2.484, 1.234)]
 ASIDE = 0.3
 """Metres from the ends of an axis, where a spline knows less."""
-
-
-@cache
-def graph_of(name, edge):
-    given = SURFACES[name](edge)
-    return given, member_graph(given.surface, given.sheet(), given.pattern)
 
 
 @cache
@@ -46,7 +38,7 @@ def hook(curl: float, at: float = 5.0) -> Member:
     return Member("A1", "strip", "major", 0, 1, np.arange(1), 1.2, axis, np.full((len(s), 2), 0.1), ("free", "free"))
 
 
-def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
+def test_a_strip_that_curls_at_its_end_is_built_up_to_the_curl():
     """Half of a hairpin's turn is left at the ends of both its members. In the middle of one it makes a plate of it."""
     member = hook(0.2, 5.85)
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
@@ -64,7 +56,7 @@ def test_a_strip_that_curls_up_at_its_end_is_built_up_to_there():
 
 
 @pytest.mark.parametrize(("member", "stopped"), [(hook(0.2, 5.85), ["A1"]), (hook(0.0), [])])
-def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stopped):
+def test_a_plank_that_curls_at_its_end_stops_there_with_a_note(member, stopped):
     graph = MemberGraph(SimpleNamespace(surface=grid(1, 1, 1.0, 1.0)), np.zeros(2, int), (member,), ())
     stock = PlankStock(0.018, 0.12, 0.012, "cover", (0.02, 0.008))
     plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
@@ -82,7 +74,7 @@ def straight(name: str, begin: tuple[float, float], long: float) -> Member:
 
 
 @pytest.mark.parametrize(("long", "built"), [(0.3, False), (2.0, True)])
-def test_a_strip_between_two_others_of_which_nothing_is_left_is_not_built_and_told(long, built):
+def test_a_strip_of_which_no_length_is_left_is_omitted_with_a_note(long, built):
     """It stops .17 m from both ends, where it would touch them. What was left once was longer than nothing by less than
     nothing, and no stock was large enough for it."""
     members = (straight("A1", (0, 0), 6), straight("A2", (6 + long, 0), 6), straight("A3", (6, 0.1), long))
@@ -97,61 +89,6 @@ def test_a_strip_between_two_others_of_which_nothing_is_left_is_not_built_and_to
 
 
 # --- parts as files, bent back
-
-
-class ReadPart:
-    """A part of a DXF file as ezdxf alone reads it, millimetres turned into metres."""
-
-    def __init__(self, part, folder):
-        import ezdxf
-
-        path = folder / f"{part.id}.dxf"
-        path.write_bytes(flat_dxf(part_drawing(part)))
-        space = ezdxf.readfile(path).modelspace()
-        lines = {layer: space.query(f'LWPOLYLINE[layer=="{layer}"]') for layer in ("CUT", "AXIS", "ENGRAVE")}
-        (outline,), (axis,) = lines["CUT"], lines["AXIS"]
-        assert outline.closed
-        assert not axis.closed
-        self.outline, self.axis = (np.array([p[:2] for p in line.get_points()]) / 1000 for line in (outline, axis))
-        circles = space.query('CIRCLE[layer=="HOLES"]')
-        self.holes = np.array([tuple(c.dxf.center)[:2] for c in circles]).reshape(-1, 2) / 1000
-        self.diameters = {round(2 * c.dxf.radius, 6) for c in circles}
-        self.engraved = len(lines["ENGRAVE"])
-
-    def beside_axis(self, points):
-        """Lengths along the drawn axis and distances to its left of points (q, 2), by its nearest segment."""
-        a, b = self.axis[:-1], self.axis[1:]
-        way = b - a
-        long = np.linalg.norm(way, axis=1)
-        t = np.einsum("qsi,si->qs", points[:, None] - a, way) / long**2
-        t[:, 1:-1] = np.clip(t[:, 1:-1], 0, 1)
-        t[:, 0], t[:, -1] = np.minimum(t[:, 0], 1), np.maximum(t[:, -1], 0)
-        off = points[:, None] - (a + t[..., None] * way)
-        away = np.linalg.norm(off, axis=2)
-        k = away.argmin(axis=1)
-        q = np.arange(len(points))
-        start = np.concatenate([[0], np.cumsum(long)])
-        side = np.sign(way[k, 0] * off[q, k, 1] - way[k, 1] * off[q, k, 0])
-        return start[k] + t[q, k] * long[k], side * away[q, k]
-
-
-class Bent:
-    """The curve P + h N through a member's stations, sampled finely: lengths and lefts are its own."""
-
-    def __init__(self, course, height, span):
-        self.s = np.linspace(*span, 4001)
-        curve = CubicSpline(course.s, course.P + height * course.N)
-        self.P, way, N = curve(self.s), curve(self.s, 1), CubicSpline(course.s, course.N)(self.s)
-        self.long = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(self.P, axis=0), axis=1))])
-        N /= np.linalg.norm(N, axis=1)[:, None]
-        way -= np.einsum("ki,ki->k", way, N)[:, None] * N
-        self.B = np.cross(N, way / np.linalg.norm(way, axis=1)[:, None])
-
-    def points(self, along, left):
-        """(q, 3) places of the layer, and (q,) the arc lengths of the axis below them."""
-        s = np.interp(along, self.long, self.s)
-        P, B = (np.stack([np.interp(along, self.long, x) for x in y.T], axis=1) for y in (self.P, self.B))
-        return P + left[:, None] * B, s
 
 
 def bent(part, graph, folder):
@@ -290,7 +227,7 @@ def _outward(member):
 @pytest.mark.parametrize(
     "name", ["sphere", "catenoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "hypar"))]
 )
-def test_bays_of_both_layers_are_those_of_the_offset_surface_and_come_nearer_with_the_mesh(name):
+def test_bays_of_both_layers_converge_to_the_offset_surface(name):
     coarse, fine = (layer_bay_errors(name, edge) for edge in (0.4, 0.2))
     assert len(fine) > 60
     assert fine.max() < 2.5e-3

@@ -12,7 +12,6 @@ import openpyxl
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from shapely import Polygon
 
 import dsfab
 from dsfab.app.cli import main
@@ -38,6 +37,7 @@ from dsfab.workshop.plan import equal_part_groups
 from dsfab.workshop.plates import FlattenedMesh
 from tests.analytic import SURFACES
 from tests.designs import sliced
+from tests.workshop.drawn_parts import bowed, drawn, least_gap
 
 STOCK, GAP = ((2.5, 1.25),), 0.008
 
@@ -53,29 +53,6 @@ def plan(vault):
 
 
 # --- nests
-
-
-def least_gap(sheets):
-    """Metres between any two parts and from parts to the edges of their sheets, by shapely."""
-    found = [np.inf]
-    for sheet in sheets:
-        placed = [Polygon(one.placed_part.outline) for one in sheet.parts]
-        for k, one in enumerate(placed):
-            (x0, y0, x1, y1), (a, b) = one.bounds, sheet.size
-            found += [x0, y0, a - x1, b - y1, *(one.distance(other) for other in placed[:k])]
-    return min(found)
-
-
-def bowed(name, length, width, bend):
-    """A strip with parallel edges that turns by an angle, radians."""
-    bend = bend if abs(bend) > 1e-3 else 0.0
-    t = np.linspace(-bend / 2, bend / 2, 25) if bend else np.linspace(-0.5, 0.5, 25)
-    radius = length / bend if bend else 0.0
-    axis = np.c_[radius * np.sin(t), radius * (np.cos(t) - 1)] if bend else np.c_[t * length, 0 * t]
-    left = np.c_[np.sin(t), np.cos(t)] if bend else np.tile([0.0, 1.0], (25, 1))
-    return FlatPart(
-        name, name, (0.0, length), np.concatenate([axis - width / 2 * left, (axis + width / 2 * left)[::-1]])
-    )
 
 
 def shelves(parts, size, gap):
@@ -111,7 +88,7 @@ def test_strips_of_one_bend_lie_in_each_other_exactly_a_gap_apart():
     assert least_gap([sheet]) == pytest.approx(GAP, abs=1e-6)
 
 
-def test_what_is_short_goes_into_the_gap_below_an_arch():
+def test_a_short_part_fills_the_gap_below_an_arch():
     ask = column_grid(STOCK, GAP)
     sheet, arch = empty_sheet((2.5, 0.45), ask), bowed("arch", 2.4, 0.1, 0.8)
     assert place_part(sheet, part_shapes(arch, ask, boxes=False)[:1], ask)
@@ -123,7 +100,7 @@ def test_what_is_short_goes_into_the_gap_below_an_arch():
     assert least_gap([NestedSheet(sheet.size, tuple(sheet.parts))]) >= GAP - 1e-9
 
 
-def test_members_lie_along_the_grain_where_there_is_one():
+def test_members_lie_along_the_grain_of_the_stock():
     parts = [bowed(f"P{k}", 1.0, 0.12, 0.0) for k in range(19)]
     free, along = nest_parts(parts, [(2.5, 1.1)], GAP), nest_parts(parts, [(2.5, 1.1)], GAP, grain=True)
     assert len(free) == 1  # all across
@@ -180,7 +157,7 @@ def test_parts_that_are_one_part_are_counted_once_also_turned_round():
     assert equal_part_groups([upper, lower]) == ((0,), (1,))  # the other face up is another part
 
 
-def test_covers_have_the_holes_of_the_pieces_that_they_join(plan):
+def test_covers_have_the_holes_of_their_pieces(plan):
     by_name = {part.id: part for part in plan.parts}
     covers = [part for part in plan.parts if ".c" in part.id]
     assert covers
@@ -209,7 +186,7 @@ def test_layers_and_packing():
     assert Layering(0.02, 2, 0.012).packing_layers(node, {"A": "minor", "R": "rim"}) == 0
 
 
-def test_a_piece_of_a_cylinder_flattens_without_strain_and_of_a_sphere_with_what_its_curvature_asks():
+def test_a_cylinder_patch_flattens_without_strain_and_a_sphere_patch_with_the_strain_of_its_curvature():
     x, y = np.meshgrid(np.linspace(-0.3, 0.3, 25), np.linspace(-0.3, 0.3, 25))
     plane = Surface(np.c_[x.ravel(), y.ravel(), 0 * x.ravel()], _grid_faces(25))
     rolled = np.c_[np.sin(x.ravel()), y.ravel(), np.cos(x.ravel())]
@@ -251,7 +228,7 @@ def test_letters_are_single_strokes_inside_of_their_height():
 # --- limits
 
 
-def test_limits_of_a_sphere_are_those_of_its_radius():
+def test_the_bending_limits_of_a_sphere_follow_its_radius():
     """Bent to t / 2R, stretched by w^2 / 12 R^2, drilled from edges of sqrt(8 R bolt / 40)."""
     made = SURFACES["sphere"](0.2)
     graph = member_graph(made.surface, made.sheet(), made.pattern)
@@ -288,7 +265,7 @@ def test_laths_of_the_gridshell_are_bent_to_half_their_thickness_over_the_radius
 
 
 @pytest.mark.slow
-def test_the_gridshell_as_it_is_shipped_can_be_bent_and_drilled_and_all_its_bolts_have_holes():
+def test_the_shipped_gridshell_can_be_bent_and_drilled():
     plan = workshop_plan(sliced(load_preset("gridshell")))
     assert not any(note.startswith("NOT") or "not drilled" in note for note in plan.notes)
     assert any("are bent to a strain of 0.16%" in note for note in plan.notes)
@@ -320,7 +297,7 @@ def test_the_command_tells_first_and_writes_files_that_are_the_same_twice(tmp_pa
     assert parts == sum(int(row["count"]) for row in rows)
 
 
-def test_the_workbook_says_what_the_cut_list_the_sheets_and_the_graph_say(plan, vault):
+def test_the_workbook_agrees_with_cut_list_nests_and_graph(plan, vault):
     """Read by openpyxl."""
     book = openpyxl.load_workbook(io.BytesIO(cut_list_workbook(plan)))
     assert book.sheetnames == ["parts", "nests", "stock", "nodes"]
@@ -360,18 +337,6 @@ def test_a_drawing_has_the_same_bytes_in_another_process():
     assert len(found) == 1
 
 
-def drawn(path):
-    """The layers on which something is drawn, and how many outlines are cut."""
-    import ezdxf
-
-    document = ezdxf.readfile(path)
-    assert not document.audit().errors
-    assert document.header["$INSUNITS"] == 4
-    space = list(document.modelspace())
-    assert {entity.dxftype() for entity in space} <= {"LWPOLYLINE", "CIRCLE"}
-    return {entity.dxf.layer for entity in space}, sum(entity.dxf.layer == "CUT" for entity in space)
-
-
 @pytest.mark.slow
 def test_a_flat_design_is_a_sheet_with_its_openings_and_an_earlier_plan_goes(tmp_path, capsys):
     out = tmp_path / "w"
@@ -401,7 +366,7 @@ def test_a_stock_that_no_piece_of_a_strip_fits_on_is_refused(vault):
         workshop_plan(small)
 
 
-def test_the_section_takes_one_size_or_several_and_refuses_what_is_none():
+def test_the_workshop_section_takes_one_or_several_sizes_and_refuses_invalid_ones():
     assert dsfab.load_preset("dome", {"workshop.stock": [1.25, 3.0]}).workshop.stock == ((3.0, 1.25),)
     several = dsfab.load_preset("dome", {"workshop.stock": [[1, 2], [3, 4]]}).workshop.stock
     assert several == ((2.0, 1.0), (4.0, 3.0))

@@ -260,14 +260,15 @@ def twisty_tower(
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
     for opening in openings:
         slab = smooth_difference(slab, opening, 0.05)
-    solid = _twist_solid(slab, np.radians(twist))
+    solid = twisted_solid(slab, np.radians(twist))
     solid = smooth_difference(solid, lambda P: P[:, 2], 0.02)
     solid = smooth_difference(solid, lambda P: 1.0 - P[:, 2], 0.02)
     unit = skin(solid, (-0.26, -0.26, -0.03), (0.26, 0.26, 1.03), edge / height)
     return Surface(height * unit.V, unit.F)
 
 
-def _twist_solid(field: Field, turn: float) -> Field:
+def twisted_solid(field: Field, turn: float) -> Field:
+    """Return the field of a solid twisted about z: points (k, 3) turn by `turn` radians per unit of height."""
 
     def field_there(P: Floats) -> Floats:
         c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
