@@ -117,9 +117,9 @@ def beam_table() -> Iterator[Quoted]:
 
 def figures() -> Iterator[Quoted]:
     """All that is made again."""
-    yield Quoted(CASES, "slab, tonnes", r"others of the same ([\d.]+) t", tonnes("slab"))
+    yield Quoted(CASES, "slab, tonnes", r"floors of the same ([\d.]+) t", tonnes("slab"))
     yield Quoted(
-        CASES, "slab over thinner", r"It is ([\d.]+) times as stiff as a plain", gain(quick, "slab", "thinner")
+        CASES, "slab over thinner", r"The floor is ([\d.]+) times as stiff as a plain", gain(quick, "slab", "thinner")
     )
     yield Quoted(
         CASES,
@@ -133,8 +133,8 @@ def figures() -> Iterator[Quoted]:
         r"best of four straight grids has ([\d.]+) times",
         lambda: dsfab.compare(design("slab"), ("grid",), level="quick").gain("grid"),
     )
-    yield Quoted(CASES, "dome's sheet, t", r"The sheet weighed ([\d.]+) t", tonnes("dome", uncut=True))
-    yield Quoted(CASES, "dome's sheet, J", r"t and had ([\d.]+) J;", uncut("dome"))
+    yield Quoted(CASES, "dome's sheet, t", r"The uncut sheet weighs ([\d.]+) t", tonnes("dome", uncut=True))
+    yield Quoted(CASES, "dome's sheet, J", r"t and has a compliance of ([\d.]+) J", uncut("dome"))
     yield Quoted(CASES, "dome, t", r"0\.62 %, ([\d.]+) t; converged", tonnes("dome"))
     yield Quoted(
         CASES,

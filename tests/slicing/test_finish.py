@@ -6,7 +6,7 @@ import pytest
 from dsfab.slicing import cut, filled_slits, openings_of
 from dsfab.slicing.finishing.finish import FinishingOptions, finish, passes
 from dsfab.slicing.finishing.flat_openings import flat_openings_of
-from tests.pattern.test_quality import plate
+from tests.shapes import square
 
 PLAIN = FinishingOptions(0.05, "join", 0.06, sized=False, opening=0.0, merge="none", neck=0.0, fillet=0.0)
 ALL = FinishingOptions(
@@ -25,7 +25,7 @@ ALL = FinishingOptions(
 
 def grid_sheet():
     """A plate with openings between two families of members."""
-    surface = plate()
+    surface = square()
     x, y, _ = surface.V.T
     fields = [np.stack([z + 0.2, z - 0.2], axis=1) for z in (y / 0.5 + 0.5, x / 0.25 + 0.5)]
     return surface, cut(surface, fields, [np.arange(-6.0, 8.0)] * 2, 0)
