@@ -33,11 +33,11 @@ def grid_sheet():
 
 def test_passes_run_in_their_order():
     before_rounding = ["pinches", "merged", "filled", "filled", "bridged", "merged", "spikes"]
-    names = [name for name, _ in passes(plate(), ALL)]
+    names = [name for name, _ in passes(square(), ALL)]
     assert names == [*before_rounding, "rounded", "widths", "improved"]
-    assert [name for name, _ in passes(plate(), PLAIN)] == ["pinches"]
+    assert [name for name, _ in passes(square(), PLAIN)] == ["pinches"]
     sized = ALL._replace(sized=True, fillet=0.0, least=(0.0, 0.0), tolerance=None)
-    assert [name for name, _ in passes(plate(), sized)][:3] == ["pinches", "filled", "merged"]
+    assert [name for name, _ in passes(square(), sized)][:3] == ["pinches", "filled", "merged"]
 
 
 def test_finishing_adds_material_and_counts_what_it_changed():
