@@ -126,5 +126,5 @@ def test_no_cell_is_made_that_no_surface_takes(scale, turns):
     V = np.concatenate([kite, [[1.0, 0, 0], [0, 1, 0]]])
     F = np.array([[0, 1, 2], [1, 0, 3]])
     of, normal = np.zeros(2, dtype=int), np.array([[0.0, 0, 1]])
-    cells = CellMesh(V, F, of, of, normal, np.array([[0, 4, 5]]), np.full((len(V), 3), -1), np.zeros(len(V)))
+    cells = CellMesh(V, F, of, of, normal, np.array([[0, 4, 5]]), np.full((len(V), 3), -1), np.zeros(6), 0 * F)
     assert flip_edges(cells)[1] == turns

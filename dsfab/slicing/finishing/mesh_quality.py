@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, dist
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.slicing.cutting.split import CELL_AREA
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import EdgeTable, edge_table, on_boundary
+from dsfab.surface.topology import EdgeTable, edge_table, next_half_edge, on_boundary
 
 
 class Quality(NamedTuple):
@@ -50,6 +50,7 @@ class CellMesh:
     normal  : (m, 3) unit normals of the uncut faces.    corner : (m, 3) their vertices.
     support : (n', 3) the uncut vertices that each vertex lies between, -1 for missing ones.
     strayed : (n',) largest possible move of the stripe edges at a vertex so far, metres.
+    sides_on : (m', 3) the line of each half-edge, see `Sheet`.
     """
 
     V: Floats
@@ -60,6 +61,7 @@ class CellMesh:
     corner: Ints
     support: Ints
     strayed: Floats
+    sides_on: Ints
 
     @cached_property
     def edges(self) -> EdgeTable:
@@ -145,18 +147,10 @@ class CellMesh:
         begin = np.repeat(start[vertex] - np.concatenate([[0], np.cumsum(count)[:-1]]), count)
         return row, faces[begin + np.arange(len(row))]
 
-    def with_cells(self, F: Ints, keep: Bools | None = None, strayed: Floats | None = None) -> "CellMesh":
-        """Return the cells F (m', 3), by default all, else the marked ones (m',); strayed (n',) metres, by default
-        unchanged.
-        """
-        keep = np.ones(len(F), dtype=bool) if keep is None else keep
-        return replace(
-            self,
-            F=F[keep],
-            parent=self.parent[keep],
-            family=self.family[keep],
-            strayed=self.strayed if strayed is None else strayed,
-        )
+    def with_cells(self, F: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
+        """Return the marked cells (m',) with other vertices F (m', 3); strayed : (n',) metres."""
+        columns = {name: getattr(self, name)[keep] for name in ("parent", "family", "sides_on")}
+        return replace(self, F=F[keep], strayed=strayed, **columns)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
@@ -309,7 +303,10 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.F))]
     F = cut.F.copy()
     F[f[chosen]], F[e[chosen]] = first_cell[chosen], second_cell[chosen]
-    return cut.with_cells(F), len(chosen)
+    cb, bd, da, ac = (cut.sides_on.ravel()[next_half_edge(half[chosen], steps)] for half in (h, g) for steps in (1, 2))
+    sides_on = cut.sides_on.copy()
+    sides_on[f[chosen]], sides_on[e[chosen]] = (np.stack([*pair, 0 * cb], axis=1) for pair in ((ac, cb), (bd, da)))
+    return replace(cut, F=F, sides_on=sides_on), len(chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -371,7 +368,8 @@ def _cells(sheet: Sheet, uncut: Surface) -> CellMesh:
     support = np.full((surface.n, 3), -1)
     support[np.repeat(np.arange(surface.n), size), _row_positions(weights, size)] = weights.indices
     strayed: Floats = np.zeros(surface.n)
-    return CellMesh(surface.V, surface.F, sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed)
+    columns = (sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed, sheet.lines_of_edges)
+    return CellMesh(surface.V, surface.F, *columns)
 
 
 def _row_positions(weights: csr_array, size: Ints) -> Ints:
@@ -383,4 +381,4 @@ def _sheet(cut: CellMesh, before: Sheet, uncut: Surface) -> Sheet:
     used[cut.F] = True
     used[: uncut.n] = True
     surface = Surface(cut.V[used], (np.cumsum(used) - 1)[cut.F])
-    return Sheet(surface, cut.parent, cut.family, before.weights[used])
+    return Sheet(surface, cut.parent, cut.family, before.weights[used], 0, cut.sides_on, before.lines)

@@ -12,6 +12,7 @@ from dsfab.core.limits import CROWDING
 from dsfab.slicing.cutting.cut import Recut
 from dsfab.slicing.cutting.sheet import (
     VOID,
+    LineKind,
     Sheet,
     face_subset,
     hydraulic_diameters,
@@ -346,7 +347,8 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
     mesh, owner, root = recut.mesh, np.full(len(recut.cells), -1), np.arange(len(recut.cells))
     for k, strip in enumerate(strips):
         owner[np.searchsorted(recut.cells, strip.cells)] = k
-    inside = owner >= 0
+    inside, first_line = owner >= 0, mesh.lines.count
+    mesh = replace(mesh, lines=mesh.lines.with_more(LineKind.STRIP, len(strips)))
     for axis in range(2):
         x = np.full(len(mesh.X), 2.0)
         for k, strip in enumerate(strips):
@@ -356,7 +358,8 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
         on_side = np.abs(np.abs(x) - 1) < snap
         x[on_side] = np.sign(x[on_side])
         split = clean_split(mesh.cells, mesh.X, x, SIDES, inside, Snapping(0.0, cells.surface.size))
-        mesh, root, inside = mesh.after_split(split), root[split.source], inside[split.source] & (split.strip == 1)
+        root, inside = root[split.source], inside[split.source] & (split.strip == 1)
+        mesh = mesh.after_split(split, first_line + owner[root][None])
     part, first_cells = mesh.part_labels(inside), np.searchsorted(recut.cells, [strip.cells[0] for strip in strips])
     chosen = inside & np.isin(part, part[inside & np.isin(root, first_cells)])
     family = np.array([strip.family for strip in strips])[owner[root]]

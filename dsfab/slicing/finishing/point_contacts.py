@@ -18,7 +18,7 @@ from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.polygon_mesh import weights_after_split
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface.topology import edge_table, pieces
 
@@ -149,8 +149,10 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
     V, F = sheet.surface.V, sheet.surface.F
     touched = np.asarray((distance[F] < radius).any(axis=1))
     level = np.array([radius])
-    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(0.1, sheet.surface.size, pinches))
-    surface, cell = filled_polygons(split.cells, split.with_new_values(V), sheet.parent[split.source])
+    cells, disc = Cells.triangles(F, sheet.sides_on), np.full((1, 1), sheet.lines.count)
+    split = clean_split(cells, V, distance, level, touched, Snapping(0.1, sheet.surface.size, pinches))
+    cells = split.cells.with_new_lines(disc)
+    surface, cell, sides_on = filled_polygons(cells, split.with_new_values(V), sheet.parent[split.source])
     before = split.source[cell]
     inside = _connected_to_pinches(surface.F, split.strip[cell] == 0, pinches)
     family = sheet.family[before]
@@ -160,7 +162,8 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
         fill = inside & (family == VOID)
         nearest = cKDTree(V[pinches]).query(surface.centroids[fill])[1]
         family[fill] = _first_family(sheet, pinches)[nearest]
-    return Sheet(surface, sheet.parent[before], family, weights_after_split(sheet.weights, split))
+    weights, lines = weights_after_split(sheet.weights, split), sheet.lines.with_more(LineKind.DISC, 1)
+    return Sheet(surface, sheet.parent[before], family, weights, 0, sides_on, lines)
 
 
 def _connected_to_pinches(F: Ints, inside: Bools, pinches: Ints) -> Bools:

@@ -95,19 +95,20 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base)
+    mesh = replace(mesh, cells=Cells.triangles(base.F, sheet.sides_on))
     tip = min(max(snap, ZERO), TIP)
     for k, band in enumerate(bands):
         hidden = _hidden_cells(sheet.family, bands, k)
         mesh = replace(mesh, family=np.where(hidden[mesh.parent], VOID, 0))
-        mesh, _ = corner_band(mesh, fields[k], band.levels, snap, tip, base.size)
-    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+        mesh, _ = corner_band(mesh, fields[k], band.levels, (snap, tip), base.size, np.zeros((1, 2), dtype=np.int64))
+    surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     source = mesh.parent[cell]
     family = sheet.family[source]
     weights = csr_array(mesh.weights @ sheet.weights)
     triangles = PolygonMesh.from_cells(
         base.F, Cells.triangles(surface.F), surface.V, mesh.weights, source, np.full(surface.m, VOID)
     )
-    divided = Sheet(surface, sheet.parent[source], family, weights)
+    divided = Sheet(surface, sheet.parent[source], family, weights, 0, sides_on, sheet.lines)
     return _labelled_overlay(
         divided,
         source,
