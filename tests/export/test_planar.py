@@ -169,7 +169,7 @@ def test_outline_corners_are_where_stripes_cross_and_where_they_end():
     x, y = surface.V[:, 0], surface.V[:, 1]
     fields = [x, y - (x + 0.5) / 2]
     cells = cut(surface, fields, [np.array([0.375, 0.625]), np.array([-0.11, 0.11])], snap=0.0)
-    found = outline_corners(cells.subset(), surface)
+    found = outline_corners(cells.subset())
     crossings = [(s, (s + 0.5) / 2 + d) for s in (0.375, 0.625) for d in (-0.11, 0.11)]
     ends = [(s, e) for s in (0.375, 0.625) for e in (0, 1)] + [
         (e, 0.25 + e / 2 + d) for e in (0, 1) for d in (-0.11, 0.11)

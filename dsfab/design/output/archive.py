@@ -19,6 +19,7 @@ from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
 from dsfab.results import EvenStripes, PatternResult, StripeSteering
 from dsfab.slicing import Chart, Sheet
+from dsfab.slicing.cutting.sheet import CutLines
 from dsfab.surface import Surface, ply_chunks
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.thickening import Repairs, Solid
@@ -120,7 +121,7 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 
 
 NAME = "design.npz"
-LAYOUT = 1
+LAYOUT = 2
 """Version of the archive; other versions are not read."""
 
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
@@ -174,7 +175,9 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
         "F": sheet.surface.F,
         "parent": sheet.parent,
         "family": sheet.family,
+        "sides_on": sheet.sides_on,
         **weights,
+        **{f"line_{key}": array for key, array in vars(sheet.lines).items()},
     }
     arrays |= {f"sheet_{key}": array for key, array in sheet_arrays.items()} | {"solid_V": solid.V, "solid_F": solid.F}
     for key, group in (("levels", pattern.levels), ("half_width", pattern.half_widths)):
@@ -212,6 +215,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
     surface, sheet = Surface(archive["V"], archive["F"]), Surface(archive["sheet_V"], archive["sheet_F"])
     rows = archive["sheet_data"], archive["sheet_indices"], archive["sheet_indptr"]
     weights = csr_array(rows, shape=(sheet.n, surface.n))
+    lines = CutLines(*(archive[f"sheet_line_{key}"] for key in ("kind", "field", "number", "circle")))
     names, solid_facts = about["names"], about["solid"]
     levels, half_widths = (
         tuple(archive[f"{key}_{k}"] for k in range(len(names)) if f"{key}_{k}" in archive)
@@ -230,12 +234,13 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
         tuple(about["phase"]),
         even=even_stripes_from(surface, archive),
     )
+    columns = archive["sheet_parent"], archive["sheet_family"]
     repairs = Repairs(rung=solid_facts["rung"])
     return Design.from_results(
         preset,
         surface=surface,
         pattern=pattern,
-        sheet=Sheet(sheet, archive["sheet_parent"], archive["sheet_family"], weights),
+        sheet=Sheet(sheet, *columns, weights, 0, archive["sheet_sides_on"], lines),
         solid=Solid(
             archive["solid_V"], archive["solid_F"], solid_facts["genus"], solid_facts["pieces"], repairs=repairs
         ),

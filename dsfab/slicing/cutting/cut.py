@@ -64,14 +64,22 @@ def sheet_of(mesh: PolygonMesh) -> Sheet:
 
 
 def cut_polygons(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
+    surface: Surface,
+    fields: Sequence[Field],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
+    mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Return the polygons of `cut` before they are filled with triangles."""
+    """Return the polygons of `cut` before they are filled with triangles.
+
+    mesh : the faces of the surface as void polygons, with lines of an earlier cut.
+    """
     values, steps = checked_lines(surface, fields, levels)
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
-    mesh = PolygonMesh.from_surface(surface, divided)
+    mesh = mesh or PolygonMesh.from_surface(surface, divided)
     for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
         blank, sides = np.zeros(surface.m, dtype=bool), x.ndim
         edges = mesh.lines.count + np.arange(sides * len(lines)).reshape(-1, sides)

@@ -10,7 +10,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lock, sorted_order
 from dsfab.slicing.cutting.cells import Cells
-from dsfab.slicing.cutting.sheet import VOID, CutLines, LineKind
+from dsfab.slicing.cutting.sheet import VOID, CutLines, LineKind, Sheet
 from dsfab.slicing.cutting.split import Split
 from dsfab.surface import Surface
 from dsfab.surface.fields import DividedSurface
@@ -48,6 +48,12 @@ class PolygonMesh:
         n, m = surface.n, surface.m
         cells, weights = Cells.triangles(surface.F, _rim(surface)), csr_array(eye_array(n))
         return cls.from_cells(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
+
+    @classmethod
+    def from_sheet(cls, sheet: Sheet) -> Self:
+        """Return all cells of a sheet as void polygons of its surface, with their lines."""
+        mesh = cls.from_surface(sheet.surface)
+        return replace(mesh, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
@@ -134,9 +140,8 @@ class PolygonMesh:
 
 def _rim(surface: Surface) -> Ints:
     """(m, 3) `LineKind.RIM` for half-edges on the boundary of a surface."""
-    edges = surface.edges
     sides_on = np.zeros(3 * surface.m, dtype=np.int64)
-    sides_on[edges.order[edges.start[:-1][edges.boundary]]] = LineKind.RIM
+    sides_on[surface.edges.outline] = LineKind.RIM
     return sides_on.reshape(-1, 3)
 
 

@@ -245,7 +245,7 @@ class Sheet:
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 
     def _outline_lines(self, part: Surface, mask: Bools) -> Ints:
-        outline = part.edges.order[part.edges.start[:-1][part.edges.boundary]]
+        outline = part.edges.outline
         sides_on = np.zeros(3 * part.m, dtype=np.int64)
         sides_on[outline] = self.lines_of_edges[mask].ravel()[outline]
         sides_on[outline[sides_on[outline] == 0]] = LineKind.END

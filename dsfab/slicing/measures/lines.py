@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.slicing.cutting.cells import nearest_levels
 from dsfab.slicing.cutting.polygon_mesh import corner_places
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.measures.chart import SLICING_SAME, Chart
 from dsfab.surface import Surface, chains
 from dsfab.surface.fields import CornerField, Kind, StructureLine, Track, level_lines, polyline_length
@@ -19,53 +19,34 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a material sheet: half-edge, first and last vertex, and family, (k,) each.
+    """Boundary edges of a material sheet: half-edge, first and last vertex, line of the sheet, and family, (k,) each.
 
-    The family is `VOID` (-1) on the boundary of the uncut surface.
+    The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
     """
 
     half_edge: Ints
     start: Ints
     end: Ints
+    line: Ints
     family: Ints
 
 
-def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
-    """Label the edges of the outline of a material sheet, cut from the surface `uncut`.
-
-    An edge has the family of its cell, or `VOID` on the boundary of the uncut surface.
-    """
-    table = sheet.surface.edges
-    h = table.order[table.start[:-1][table.boundary]]
+def outline_labels(sheet: Sheet) -> Labels:
+    """Return the edges of the outline of a material sheet with their lines and families."""
+    h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-    return Labels(h, a, b, np.where(_on_boundary(sheet, uncut, a, b), VOID, sheet.family[h // 3]))
+    line = sheet.sides_on.ravel()[h]
+    return Labels(h, a, b, line, np.where(line == LineKind.RIM, VOID, sheet.family[h // 3]))
 
 
-def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
-    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
-
-    uncut : the surface that `sheet` was cut from.
-    """
-    _, a, b, family = outline_labels(sheet, uncut)
+def outline_corners(sheet: Sheet) -> Floats:
+    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle."""
+    _, a, b, _, family = outline_labels(sheet)
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
     for end in (a, b):
         np.minimum.at(low, end, family)
         np.maximum.at(high, end, family)
     return np.asarray(sheet.surface.V[low < high])
-
-
-def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
-    """(k,) mask of edges a - b on the uncut boundary: the weights of both ends use only the ends of a boundary edge."""
-    stand = csr_array(sheet.weights[a] + sheet.weights[b])
-    stand.eliminate_zeros()
-    stand.sort_indices()
-    row_start = stand.indptr[:-1]
-    has_two = np.diff(stand.indptr) == 2
-    i, j = stand.indices[row_start[has_two]].astype(np.int64), stand.indices[row_start[has_two] + 1].astype(np.int64)
-    ends = uncut.edges.ends[uncut.edges.boundary]
-    on_boundary = np.zeros(len(a), dtype=bool)
-    on_boundary[has_two] = np.isin(i * uncut.n + j, ends[:, 0] * uncut.n + ends[:, 1])
-    return on_boundary
 
 
 LEAST = 1e-7
@@ -301,7 +282,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
              gives k, and a line takes the number that most of it has.
     Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
     """
-    labels = outline_labels(sheet, uncut)
+    labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
     chosen: list[tuple[str, int, Floats]] = []
@@ -395,9 +376,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """The boundary as loops of vertices, with a two-sided surface on their left, and the half-edge after each
     vertex."""
-    table = surface.edges
-    half_edge = table.order[table.start[:-1][table.boundary]]
-    start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()
+    half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}
     return [

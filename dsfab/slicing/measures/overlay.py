@@ -94,8 +94,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
-    mesh = PolygonMesh.from_surface(base)
-    mesh = replace(mesh, cells=Cells.triangles(base.F, sheet.sides_on))
+    mesh = PolygonMesh.from_sheet(sheet)
     tip = min(max(snap, ZERO), TIP)
     for k, band in enumerate(bands):
         hidden = _hidden_cells(sheet.family, bands, k)
