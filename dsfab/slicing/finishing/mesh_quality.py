@@ -198,7 +198,23 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
         np.maximum.at(strayed, onto[q], moved[p])
     np.maximum.at(strayed, moves.w, moves.strayed)
     has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    cut = replace(cut, sides_on=_merged_sides(cut, np.flatnonzero(~has_area), onto))
     return cut.with_cells(F, has_area, strayed), len(moves.v)
+
+
+def _merged_sides(cut: CellMesh, cells: Ints, onto: Ints) -> Ints:
+    """(m', 3) lines of the half-edges where cells (k,) vanish, because one of their vertices v moves onto w.
+
+    The cell beyond the side v-x then has the side w-x, and gets its line.
+    """
+    row, F = np.arange(len(cells)), cut.F[cells]
+    place = (onto[F] != F).argmax(axis=1)
+    begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
+    opposite, free_side = 3 * cells + (place + 1) % 3, 3 * cells + np.where(begins_at_w, (place + 2) % 3, place)
+    sides_on, beyond = cut.sides_on.ravel().copy(), cut.edges.twins[free_side]
+    line = np.where(sides_on[opposite] > 0, sides_on[opposite], sides_on[free_side])
+    sides_on[beyond[beyond >= 0]] = line[beyond >= 0]
+    return sides_on.reshape(-1, 3)
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
