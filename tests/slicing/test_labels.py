@@ -10,6 +10,7 @@ from dsfab.slicing.cutting.sheet import LineKind
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import bridged_necks
 from dsfab.slicing.finishing.opening_corners import CHORD
+from dsfab.slicing.measures.lines import outline_corners
 from dsfab.surface import Surface
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.slicing.test_corner_fields import LEVELS, plain, regauged, ripples, widths
@@ -91,9 +92,10 @@ def test_stripes_of_a_corner_field_have_the_same_edges_as_plain_ones(name):
 
 
 @zoo
-def test_improved_cells_and_pieces_of_a_sheet_keep_their_lines(name):
+@pytest.mark.parametrize(("seed", "snap"), [(0, 0.0), (7, 0.1), (10, 0.1)])
+def test_improved_cells_and_pieces_of_a_sheet_keep_their_lines(name, seed, snap):
     surface = ZOO[name]()
-    sheet = improve_cells(faired_walls(striped(surface)), surface, 0.1 * surface.mean_edge).sheet
+    sheet = improve_cells(faired_walls(striped(surface, seed, snap)), surface, 0.1 * surface.mean_edge).sheet
     check_rim(surface, sheet)
     material = sheet.subset()
     first = material.subset(np.arange(material.surface.m) < material.surface.m // 2)
@@ -158,3 +160,12 @@ def test_bridges_and_discs_are_known():
     line = outline(joined.subset())[0]
     assert LineKind.DISC in joined.lines.kind[line]
     assert LineKind.END in joined.lines.kind[line]  # a sheet from arrays knows no lines
+
+
+def test_both_ends_of_a_fillet_are_corners_of_the_outline():
+    """Nine square openings with four fillets each: 72 ends of fillets, and no corner inside a fillet or a wall."""
+    plate = grid(17, 17, 1.0, 1.0)
+    sheet, radii = rounded_corners(openings(plate), 0.04)
+    corners = outline_corners(sheet.subset())
+    inside = corners[(np.abs(corners[:, :2] - 0.5) < 0.5).all(axis=1)]
+    assert len(inside) == 2 * len(radii) == 72

@@ -19,33 +19,38 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a material sheet: half-edge, first and last vertex, line of the sheet, and family, (k,) each.
+    """Boundary edges of a material sheet: half-edge, first and last vertex, curve, and family, (k,) each.
 
+    The curve is the line of the sheet, or -1 for all edges of stripes: those of one family meet only at a tip.
     The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
     """
 
     half_edge: Ints
     start: Ints
     end: Ints
-    line: Ints
+    curve: Ints
     family: Ints
 
 
 def outline_labels(sheet: Sheet) -> Labels:
-    """Return the edges of the outline of a material sheet with their lines and families."""
+    """Return the edges of the outline of a material sheet with their curves and families."""
     h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
     line = sheet.sides_on.ravel()[h]
-    return Labels(h, a, b, line, np.where(line == LineKind.RIM, VOID, sheet.family[h // 3]))
+    curve = np.where(sheet.lines.kind[line] == LineKind.LEVEL, -1, line)
+    return Labels(h, a, b, curve, np.where(line == LineKind.RIM, VOID, sheet.family[h // 3]))
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle."""
-    _, a, b, _, family = outline_labels(sheet)
+    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
+
+    Both ends of a fillet are such vertices, and no other vertex of it."""
+    _, a, b, *names = outline_labels(sheet)
+    curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
     for end in (a, b):
-        np.minimum.at(low, end, family)
-        np.maximum.at(high, end, family)
+        np.minimum.at(low, end, curve)
+        np.maximum.at(high, end, curve)
     return np.asarray(sheet.surface.V[low < high])
 
 
