@@ -10,7 +10,7 @@ from dsfab.slicing.cutting.sheet import LineKind
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import bridged_necks
 from dsfab.slicing.finishing.opening_corners import CHORD
-from dsfab.slicing.measures.lines import outline_corners
+from dsfab.slicing.measures.lines import edge_lines, outline_corners
 from dsfab.surface import Surface
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.slicing.test_corner_fields import LEVELS, plain, regauged, ripples, widths
@@ -169,3 +169,9 @@ def test_both_ends_of_a_fillet_are_corners_of_the_outline():
     corners = outline_corners(sheet.subset())
     inside = corners[(np.abs(corners[:, :2] - 0.5) < 0.5).all(axis=1)]
     assert len(inside) == 2 * len(radii) == 72
+    lines = [line for line in edge_lines(sheet.subset(), plate, ["a", "b"], [None, None]) if not line.is_closed]
+    lengths = np.array([line.length for line in lines])
+    fillet = lengths < np.pi / 2 * 0.04
+    assert fillet.sum() == 36
+    assert lengths[fillet] == pytest.approx(3 * 2 * 0.04 * np.sin(np.pi / 12), rel=1e-6)  # three chords of 30 degrees
+    assert lengths[~fillet] == pytest.approx(0.2 - 2 * 0.04, rel=1e-6)

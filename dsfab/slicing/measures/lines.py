@@ -304,7 +304,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
 class _Stripes:
     def __init__(self, sheet: Sheet, uncut: Surface, phases: Sequence[Phase], labels: Labels) -> None:
-        self.family, self.cell, self.phases = labels.family, labels.half_edge // 3, phases
+        self.family, self.cell, self.phases, self.curve = labels.family, labels.half_edge // 3, phases, labels.curve
         self.parent, self.weights, self.F = sheet.parent[self.cell], sheet.weights, uncut.F
         self.number = np.zeros(len(self.cell), dtype=np.int64)
         for k, phase in enumerate(phases):
@@ -337,7 +337,8 @@ class _Stripes:
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
                 number[same_field] = sign * number[same_field] + shift
-        return np.asarray((self.family[edges] != self.family[before]) | (self.number[edges] != number))
+        changes = (self.family[edges] != self.family[before]) | (self.curve[edges] != self.curve[before])
+        return np.asarray(changes | (self.number[edges] != number))
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
