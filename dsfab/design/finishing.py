@@ -1,20 +1,13 @@
 """Options of finishing from a preset: slits, least openings and widths; and shares that finishing adds to a pattern."""
 
+from collections import Counter
 from typing import NamedTuple
 
 from dsfab.core.messages import length
-from dsfab.design.log import Log
 from dsfab.preset.model import Pattern, Preset, Slicing
 from dsfab.results import PatternResult
-from dsfab.slicing import LeastWidths, Merging, PolygonMesh, Sheet, improve_cells, sheet_of, with_least_widths
-from dsfab.slicing.finishing.finish import (
-    FinishedSheet,
-    FinishingOptions,
-    TrialCut,
-    least_widths_of,
-    tidied_polygons,
-    unrounded_sheet,
-)
+from dsfab.slicing import Merging, PolygonMesh, sheet_of, with_least_widths
+from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, TrialCut, tidied_polygons, unrounded_sheet
 from dsfab.surface import Surface
 
 SPECK = 0.15
@@ -24,8 +17,8 @@ Such an opening is a rest at the edge of the surface."""
 
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
     """Return the options of finishing for the cut of a pattern."""
-    slicing, merge = preset.slicing, merges_slits(preset, pattern)
-    opening, neck = smallest_widths(pattern.preset_with_choices(preset), surface)
+    slicing, merge, resolved = preset.slicing, merges_slits(preset, pattern), pattern.preset_with_choices(preset)
+    opening, neck = smallest_widths(resolved, surface)
     return FinishingOptions(
         slicing.snap,
         slicing.pinch,
@@ -36,6 +29,8 @@ def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) 
         neck,
         preset.pattern.fillet,
         slicing.min_member or 0.0,
+        least_widths(resolved, surface),
+        slicing.tolerance if slicing.improve else None,
     )
 
 
@@ -152,25 +147,6 @@ def least_member(options: Pattern, surface: Surface) -> float:
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
 
-def kept_to_least_widths(
-    preset: Preset, cells: Sheet, surface: Surface, log: Log, options: FinishingOptions, trial: TrialCut | None = None
-) -> Sheet:
-    """Return cells, cut from a surface, without narrow places, as far as added material can; note the number of
-    changes.
-
-    Filled strips leave needles with edges of a micrometre, on which quadrature and sparse solvers lose digits. So cells
-    are flipped and collapsed within the faces of the surface, without a move of the material's edges.
-
-    trial : the trial cut of these cells: its steps are not repeated.
-    """
-    if not any(least := least_widths(preset, surface)):
-        return cells
-    widened = least_widths_of(cells, *least, options, trial)
-    if message := _least_widths_message(least, widened):
-        log.note("slicing", message)
-    return improve_cells(widened.cells, surface).sheet if widened.bridged or widened.widened else widened.cells
-
-
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
@@ -198,15 +174,17 @@ def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
-def _least_widths_message(least: WorkshopWidths, result: LeastWidths) -> str:
-    closed, widened = result.filled + result.bridged, result.widened
-    messages = [f"openings narrower than {length(least.gap)} were closed at {_places(closed)}"] * bool(closed)
-    messages += [f"members narrower than {length(least.member)} were widened at {_places(widened)}"] * bool(widened)
-    messages += [f"{result.merged} openings that this left narrower than the members beside were filled"] * bool(
-        result.merged
+def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
+    """Return a note on the counts of finishing at places under the least widths of openings and members, or ""."""
+    gap, member = least
+    parts = (
+        ("closed", f"openings narrower than {length(gap)} were closed at {_places(counts['closed'])}"),
+        ("thickened", f"members narrower than {length(member)} were widened at {_places(counts['thickened'])}"),
+        ("narrowed", f"{counts['narrowed']} openings that this left narrower than the members beside were filled"),
+        ("necks", f"bridges were built at {_places(counts['necks'])} that this left narrow"),
     )
-    messages += [f"bridges were built at {_places(result.necks)} that this left narrow"] * bool(result.necks)
-    return ", ".join(messages) and ", ".join(messages) + " (slicing.min_gap, min_member)"
+    messages = [message for name, message in parts if counts[name]]
+    return ", ".join(messages) + " (slicing.min_gap, min_member)" if messages else ""
 
 
 def _places(count: int) -> str:

@@ -16,7 +16,7 @@ from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
 from dsfab.pattern import StressDirections
 from dsfab.preset.model import FAMILIES, Preset
 from dsfab.results import DiffusionResult, PatternResult, StaticsResult
-from dsfab.slicing import Chart, Openings, Sheet
+from dsfab.slicing import Chart, Sheet, openings_of
 from dsfab.slicing.measures.chart import StripeChart
 from dsfab.slicing.measures.pattern_quality import Arms, DeadEnds, FamilyQuality, PatternQuality, arms, pattern_quality
 from dsfab.surface import Surface, centroid, link_components, nearest_places, weights_at
@@ -89,7 +89,7 @@ def measured_pattern(
 def _sheet_quality(
     design: PatternedDesign, cells: Sheet, sheet: Surface, stripes: StripeChart, quality: PatternQuality
 ) -> PatternQuality:
-    openings, name = Openings.from_sheet(cells), np.array([*design.pattern.names, ""])[cells.family]
+    openings, name = openings_of(cells), np.array([*design.pattern.names, ""])[cells.family]
     families = []
     for k, (family_name, family) in enumerate(quality.families):
         slits, share = openings.slits_between(name == family_name) if openings else (0, 0.0)
@@ -239,13 +239,13 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
     any.
 
     samples : an opening counts as filled if this number of its largest cells are filled."""
-    openings = Openings.from_sheet(before)
+    openings = openings_of(before)
     if openings is None:
         return None
-    order = np.lexsort((-openings.part.areas, openings.label))
+    order = np.lexsort((-openings.void.surface.areas, openings.label))
     rank = np.arange(len(order)) - np.searchsorted(openings.label[order], openings.label[order])
     sample = order[rank < samples]
-    cell = nearest_places(openings.part.centroids[sample], after.surface.V, after.surface.F).simplex
+    cell = nearest_places(openings.void.surface.centroids[sample], after.surface.V, after.surface.F).simplex
     open_ = np.bincount(openings.label[sample], ~after.material[cell], openings.count) > 0
     filled = np.flatnonzero(~open_)
     if not len(filled):
@@ -254,5 +254,5 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
     pairs = cKDTree(places).query_pairs(apart, output_type="ndarray")
     _, group = link_components(len(filled), *pairs.T.astype(np.int64))
     largest_group = group == np.bincount(group).argmax()
-    area = np.bincount(openings.label, openings.part.areas, openings.count)[filled[largest_group]]
+    area = np.bincount(openings.label, openings.void.surface.areas, openings.count)[filled[largest_group]]
     return FilledOpenings(int(largest_group.sum()), area @ places[largest_group] / area.sum())

@@ -8,13 +8,13 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints, first_few
 from dsfab.core.errors import PatternError, SolidError
 from dsfab.core.messages import force, length
-from dsfab.design.finishing import finishing_options, kept_to_least_widths
+from dsfab.design.finishing import finishing_options, least_widths_message
 from dsfab.design.log import Log
 from dsfab.design.pattern_measures import largest_filling
 from dsfab.design.sheet_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
 from dsfab.preset.model import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, improve_cells
+from dsfab.slicing import Sheet
 from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, finish, tidied_sheet
 from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
@@ -38,11 +38,10 @@ def slicing_step(
         cut_cells = cells
         if not cells.material.any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
-        finished = finish(cells, finishing, trial)
-        resolved = pattern.preset_with_choices(preset)
-        cells = kept_to_least_widths(resolved, finished.cells, surface, log, finishing, trial)
-        better = improve_cells(cells, surface, options.tolerance) if options.improve else None
-        cells = better.sheet if better else cells
+        finished = finish(cells, surface, finishing, trial)
+        if message := least_widths_message(finishing.least, finished.counts):
+            log.note("slicing", message)
+        cells = finished.cells
         sheet = cells.subset()
         all_pieces, label = _pieces(surface, sheet, statics.load)
         kept_pieces, supported = all_pieces, np.array([p.held for p in all_pieces])
@@ -56,9 +55,9 @@ def slicing_step(
     _note_loads(preset, surface, sheet, statics, log)
     _note_finishing(preset, finished, finishing, cut_cells.stubs, log)
     if finished.counts["filled"] + finished.counts["merged"] >= FILLED_PLATE:
-        _note_filled_plate(preset.pattern, surface, cut_cells, finished.cells, log)
-    if better:
-        log.note("slicing", better.summary)
+        _note_filled_plate(preset.pattern, surface, cut_cells, finished.unwidened or cells, log)
+    if finished.shape:
+        log.note("slicing", finished.shape)
     return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"])
 
 

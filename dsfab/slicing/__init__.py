@@ -2,7 +2,7 @@
 
 from dsfab.slicing.cutting.cut import cut, cut_polygons, divided_field_values, sheet_of
 from dsfab.slicing.cutting.halving import LineHalving, halve_lines
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet, weight_entries
 from dsfab.slicing.finishing.fairing import divided_walls, faired_walls
 from dsfab.slicing.finishing.finish import TrialCut, material_area, tidied_polygons, tidied_sheet
@@ -13,8 +13,9 @@ from dsfab.slicing.finishing.least_widths import (
     widened_members,
     with_least_widths,
 )
+from dsfab.slicing.finishing.loose_ends import Tidy
 from dsfab.slicing.finishing.mesh_quality import improve_cells
-from dsfab.slicing.finishing.openings import Merging, Openings, filled_crumbs, filled_openings, filled_slits
+from dsfab.slicing.finishing.openings import Merging, filled_crumbs, filled_openings, filled_slits, openings_of
 from dsfab.slicing.finishing.point_contacts import PinchResult, resolve_pinches
 from dsfab.slicing.finishing.spikes import without_spikes
 from dsfab.slicing.measures.chart import Chart, chart_of
@@ -26,7 +27,6 @@ __all__ = [
     "LeastWidths",
     "LineHalving",
     "Merging",
-    "Openings",
     "Overlay",
     "PinchResult",
     "PolygonMesh",
@@ -47,6 +47,7 @@ __all__ = [
     "halve_lines",
     "improve_cells",
     "material_area",
+    "openings_of",
     "resolve_pinches",
     "sheet_of",
     "stripe_overlay",

@@ -11,7 +11,7 @@ from dsfab.pattern import Flow, Frames, corner_phase
 from dsfab.slicing import cut
 from dsfab.slicing.cutting.corner_fields import PolygonField
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.sheet import face_subset
+from dsfab.slicing.cutting.sheet import SheetPart
 from dsfab.slicing.cutting.split import SideValues, split_cells
 from dsfab.surface import Surface, read_surface
 from dsfab.surface.fields import CornerField
@@ -332,8 +332,10 @@ def test_a_part_has_the_marked_faces_and_no_other_vertex(name):
     surface = ZOO[name]()
     mask = np.random.default_rng(0).random(surface.m) < 0.4
     mask[0] = True
-    part, faces = face_subset(surface, mask)
-    assert np.array_equal(faces, np.flatnonzero(mask))
+    marked = SheetPart.from_cells(surface, mask)
+    part = marked.surface
+    assert np.array_equal(marked.cells, np.flatnonzero(mask))
+    assert np.array_equal(marked.vertices, np.unique(surface.F[mask]))
     assert np.array_equal(part.V[part.F], surface.V[surface.F[mask]])
     assert part.n == len(np.unique(surface.F[mask]))
     assert np.array_equal(part.V, surface.V[np.unique(surface.F[mask])])

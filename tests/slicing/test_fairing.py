@@ -6,7 +6,6 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dsfab.slicing import Sheet, cut, divided_walls, faired_walls, resolve_pinches
-from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.slicing.test_slicing import check_laws, material_area
@@ -29,12 +28,12 @@ def disc(cells: int, noise: float) -> tuple[Surface, Sheet]:
 
 def off_circle(sheet: Sheet) -> np.ndarray:
     """Metres that the walls' vertices are off the circle."""
-    return np.linalg.norm(sheet.surface.V[Walls.from_sheet(sheet).start, :2] - [0.52, 0.49], axis=1) - RADIUS
+    return np.linalg.norm(sheet.surface.V[sheet.walls.start, :2] - [0.52, 0.49], axis=1) - RADIUS
 
 
 def turns(sheet: Sheet) -> np.ndarray:
     """Degrees by which walls turn, corners left out."""
-    turn = np.abs(np.degrees(Walls.from_sheet(sheet).turns(sheet)))
+    turn = np.abs(np.degrees(sheet.walls.turns))
     return turn[turn < 25]
 
 
@@ -45,7 +44,7 @@ def test_a_straight_strip_stays_and_one_that_wanders_becomes_straight():
     assert np.abs(faired_walls(straight).surface.V - straight.surface.V).max() < 1e-9
     wandering = cut(plate, [shaken(across, 0.003)], [[0.5, 0.8]], 0.01)
     fair = faired_walls(wandering)
-    off = [np.std(s.surface.V[Walls.from_sheet(s).start, :2] @ [0.8, 0.6] % 0.3) for s in (wandering, fair)]
+    off = [np.std(s.surface.V[s.walls.start, :2] @ [0.8, 0.6] % 0.3) for s in (wandering, fair)]
     assert off[1] < 0.85 * off[0]  # long waves are left
     assert np.percentile(turns(fair), 95) < 0.4 * np.percentile(turns(wandering), 95)
     check_laws(plate, fair)
@@ -79,7 +78,7 @@ def test_corners_stay_and_vertices_of_the_surface_too():
     moved = np.linalg.norm(done.surface.V[: sheet.surface.n] - sheet.surface.V, axis=1)
     assert not moved[: plate.n].any()
     assert 0 < moved.max() <= 0.1 * plate.mean_edge * 2
-    square = [(np.abs(np.degrees(Walls.from_sheet(s).turns(s))) > 45).sum() for s in (sheet, done)]
+    square = [(np.abs(np.degrees(s.walls.turns)) > 45).sum() for s in (sheet, done)]
     assert square[0] == square[1] > 8
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, resolve_pinches
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import REACH, narrow_gaps
-from dsfab.slicing.finishing.openings import Openings
+from dsfab.slicing.finishing.openings import openings_of
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
@@ -41,7 +41,7 @@ def test_a_narrow_passage_is_bridged_and_rounded_from_both_sides(half):
     sheet = dumbbell(plate, half)
     done, count = bridged_necks(sheet, WIDTH)
     assert 1 <= count <= 2
-    assert Openings.from_sheet(done).count == 2 == Openings.from_sheet(sheet).count + 1
+    assert openings_of(done).count == 2 == openings_of(sheet).count + 1
     gain, long = material_area(done) - material_area(sheet), WIDTH if count == 1 else 0.2
     assert 1.99 * half * WIDTH < gain < 2 * half * long + count * 2 * REACH * WIDTH**2  # the passage widens at its ends
     check_bridged(plate, sheet, done)
@@ -81,7 +81,7 @@ def test_a_blind_alley_is_shut_and_filled(half, end):
     sheet = cut(plate, [np.minimum(room, alley)], [[0.0]], snap=0)
     done, count = bridged_necks(sheet, WIDTH)
     assert count == 1
-    assert Openings.from_sheet(done).count == 1
+    assert openings_of(done).count == 1
     check_bridged(plate, sheet, done)
     rounded, _ = rounded_corners(done, WIDTH / 2)
     assert features(rounded, rounded.material, [""] * 2).gap.size > 0.95 * WIDTH
@@ -109,7 +109,7 @@ def test_a_passage_around_a_fold_is_bridged_where_it_is_measured(half):
     assert np.linalg.norm(gaps[:, 1] - gaps[:, 0], axis=1) == pytest.approx(2 * half, rel=1e-6)
     done, count = bridged_gaps(sheet, sheet, 0.9 * WIDTH, WIDTH)
     assert count >= 1
-    assert Openings.from_sheet(done).count >= 2
+    assert openings_of(done).count >= 2
     check_bridged(plate, sheet, done)
     same, none = bridged_gaps(sheet, sheet, 1.9 * half, WIDTH)
     assert none == 0
@@ -145,7 +145,7 @@ def test_a_pocket_behind_a_neck_is_filled_with_it():
     sheet = cut(plate, [np.minimum(np.minimum(large, small), passage)], [[0.0]], snap=0)
     done, count = bridged_necks(sheet, WIDTH)
     assert count == 1
-    assert Openings.from_sheet(done).count == 1
+    assert openings_of(done).count == 1
     check_bridged(plate, sheet, done)
 
 

@@ -5,9 +5,9 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.design.pattern_measures import largest_filling
-from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, tidied_sheet
+from dsfab.slicing import Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, openings_of, tidied_sheet
 from dsfab.slicing.finishing import openings
-from dsfab.slicing.finishing.openings import CRUMB, NARROWER
+from dsfab.slicing.finishing.openings import CRUMB, NARROWER, with_filled
 from dsfab.surface import Surface
 from tests.designs import sliced
 from tests.meshes import mesh_file
@@ -28,7 +28,7 @@ def grid_of(surface: Surface, d: float, closed=None) -> Sheet:
 def test_slits_are_openings_narrower_than_the_members_beside(d):
     """7 times 5 openings between two members, of (1 - 2 d) to 2 d, those at the edge of the plate cut open."""
     cells = grid_of(plate(), d)
-    found = Openings.from_sheet(cells)
+    found = openings_of(cells)
     wide = (1 - 2 * d) / (2 * d)
     inner = np.abs(found.centroids[:, 0]) < 0.9
     assert inner.sum() == 35
@@ -45,10 +45,10 @@ def test_slits_are_filled_and_nothing_else():
     """Members are twice as wide on the right of the plate: the openings there are narrower than they are."""
     surface = plate()
     cells = grid_of(surface, np.where(surface.V[:, 0] > 0.3, 0.3, 0.15))
-    slits = Openings.from_sheet(cells).slits
+    slits = openings_of(cells).slits
     filled, count = filled_slits(cells, "crowded")
     assert 5 < count == slits.sum() < 20
-    left = Openings.from_sheet(cells).fill(slits)
+    left = with_filled(cells, slits)
     assert (filled.material == left.material).all()
     assert (filled.family[cells.material] == cells.family[cells.material]).all()
     assert filled_slits(filled) == (filled, 0)
@@ -56,18 +56,18 @@ def test_slits_are_filled_and_nothing_else():
         open_ = grid_of(surface, alike)
         assert filled_slits(open_, "crowded") == (open_, 0)
     whole = Sheet(surface, np.arange(surface.m), np.zeros(surface.m), cut(surface, [surface.V[:, 0]], [[]]).weights)
-    assert Openings.from_sheet(whole) is None
+    assert openings_of(whole) is None
 
 
 def test_filled_openings_side_by_side_are_found():
     """Openings .5 by .25 m: six on the right of the plate that hang together, and two far from them."""
     before = grid_of(plate(), 0.1)
-    every = Openings.from_sheet(before)
+    every = openings_of(before)
     x, y = every.centroids[:, 0], every.centroids[:, 1]
     some = (x > 0.4) & (x < 0.9) & (np.abs(y) < 0.6)
     far = (x < -0.6) & (np.abs(y) > 0.4)
     assert largest_filling(before, before, 0.6) is None
-    found = largest_filling(before, every.fill(some | far), 0.6)
+    found = largest_filling(before, with_filled(before, some | far), 0.6)
     assert found.openings == some.sum() == 6 > far.sum() / 2 > 0
     assert found.place == pytest.approx(every.centroids[some].mean(axis=0), abs=0.02)
 
@@ -97,7 +97,7 @@ def test_openings_that_are_alike_close_alike():
     surface = plate()
     x, y, _ = surface.V.T
     closed = grid_of(surface, 0.2, x + 0.02 * np.sign(y))
-    void = Openings.from_sheet(closed)
+    void = openings_of(closed)
     assert (np.abs(void.centroids[:, 0]) < 0.05).sum() in (0, 5)
 
 
@@ -112,7 +112,7 @@ def test_an_opening_with_a_long_tip_is_not_as_small_as_its_tip_is_narrow(radius,
     sides = [np.cos(a) * (x + 0.2) + np.sin(a) * y - radius for a in np.radians([60, 180, 300])]
     slit = np.max([-0.2 - x, x - 2 * radius - 0.2, np.abs(y) - 0.02], axis=0)
     cells = cut(surface, [np.minimum(np.max(sides, axis=0), slit)], [[0.0]], 0)
-    found = Openings.from_sheet(cells)
+    found = openings_of(cells)
     assert found.hydraulic_diameters == pytest.approx([0.177 if radius > 0.1 else 0.088], rel=0.05)
     assert filled_openings(cells, 0.06)[1] == count
 
@@ -128,7 +128,7 @@ def test_few_walls_more_or_less_make_no_other_opening():
     def narrowness(length: float) -> float:
         slit = np.max([-0.2 - x, x + 0.2 - length, np.abs(y) - 0.02], axis=0)
         f = np.minimum(triangle, slit)
-        found = Openings.from_sheet(cut(surface, [np.stack([f, f - 0.05], axis=1)], [[0.0]], 0))
+        found = openings_of(cut(surface, [np.stack([f, f - 0.05], axis=1)], [[0.0]], 0))
         return float(found.narrowness[np.isfinite(found.hydraulic_diameters)].item())
 
     judged = np.array([narrowness(length) for length in (0.12, 0.14, 0.16, 0.18)])
@@ -146,7 +146,7 @@ def test_crumbs_are_openings_far_smaller_than_most(left):
     bands = [(y / 0.5 + 0.5, 0.1), (x / 0.25 + 0.5, 0.2), (x + left / 2 + 0.01, 0.085 - left / 2)]
     fields = [np.stack([z + w, z - w], axis=1) for z, w in bands]
     cells = cut(surface, fields, [np.arange(-6.0, 8.0), np.arange(-6.0, 8.0), np.zeros(1)], 0)
-    found = Openings.from_sheet(cells)
+    found = openings_of(cells)
     crumbs = (np.abs(found.centroids[:, 0]) < 0.1) & np.isfinite(found.hydraulic_diameters)
     assert found.hydraulic_diameters[crumbs] == pytest.approx(size[0], rel=1e-6)
     filled, count = filled_crumbs(cells)
@@ -185,10 +185,10 @@ def test_the_crown_of_one_family_has_no_holes():
     """Four holes of a sixth of the others stood where its meridians meet, beside the disc that is kept there."""
     coarse = {"surface.edge": 0.4, "pattern.families": "minor", "pattern.minor.spacing": 0.8}
     made = built("dome", **coarse)
-    sizes = Openings.from_sheet(made.slicing.cells).hydraulic_diameters
+    sizes = openings_of(made.slicing.cells).hydraulic_diameters
     assert sizes.min() > 0.35 * np.median(sizes)
     said = built("dome", **coarse, **{"slicing.min_opening": 0.01})  # what is said counts
-    sizes = Openings.from_sheet(said.slicing.cells).hydraulic_diameters
+    sizes = openings_of(said.slicing.cells).hydraulic_diameters
     assert sizes.min() < 0.35 * np.median(sizes)
 
 
@@ -203,7 +203,7 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
     made = built("sphere_graded")
     quality = made.quality(symmetry=False)
     assert (quality.dead_ends, quality.slits) == (0, 0)
-    top = Openings.from_sheet(made.slicing.cells).centroids[:, 2]
+    top = openings_of(made.slicing.cells).centroids[:, 2]
     assert top.max() < 0.8
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=2e-3)
 
@@ -225,7 +225,7 @@ def test_tidied_modes_have_neither_slits_nor_dead_ends_and_keep_their_share(name
     assert made.sheet.surface.area / made.surface.area == pytest.approx(
         made.preset.pattern.width.solid_fraction, abs=2e-3
     )
-    drawn = Openings.from_sheet(tidied_sheet(made.surface, *made.pattern.cut_inputs[:2], 0.05, made.pattern.tidy))
+    drawn = openings_of(tidied_sheet(made.surface, *made.pattern.cut_inputs[:2], 0.05, made.pattern.tidy))
     assert drawn.slits.sum() > slits / 2
 
 

@@ -110,5 +110,5 @@ def test_a_stripe_that_meets_another_before_a_singular_point_is_divided_as_one_t
     family, also = np.where(square < 3, 0, 1), np.where(square == 2, 1, -1)
     mesh = replace(PolygonMesh.from_surface(strip), family=family, also=also)
     tidy = Tidy((True, True), (None, None), np.zeros(strip.n, dtype=bool))
-    assert np.array_equal(tidy.recut_polygons(mesh, 1, square == 1), square >= 2)
-    assert not tidy.recut_polygons(mesh, 1, square == 0).any()
+    assert np.array_equal(tidy.divided_again(mesh, 1, square == 1), square >= 2)
+    assert not tidy.divided_again(mesh, 1, square == 0).any()

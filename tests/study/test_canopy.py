@@ -10,7 +10,6 @@ from dsfab.design import draft
 from dsfab.design.even_stripes import even_stripes
 from dsfab.design.stripe_pattern import drawable_families
 from dsfab.preset.file import load_preset, with_overrides
-from dsfab.slicing.finishing.walls import Walls
 from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import quick
@@ -52,7 +51,7 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
 def test_no_member_ends_in_the_air_and_none_has_a_tooth():
     design = dsfab.run(load_preset(PRESET))
     cells = design.slicing.cells
-    turn = Walls.from_sheet(cells).turns(cells)
+    turn = cells.walls.turns
     assert np.degrees(-turn[np.isfinite(turn)].min()) < 60  # 98 with a tooth of 6 cm at the rim of an opening
     quality = design.quality()
     assert len(design.slicing.pieces) == 1

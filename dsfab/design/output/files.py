@@ -365,7 +365,7 @@ def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) ->
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
         over = [fields[:, k] - fields[:, k + 1 :].max(axis=1) for k in range(count - 1)]
-        cells = PolygonMesh.from_sheet(sheet)
+        cells = PolygonMesh.from_surface(sheet.surface).with_lines_of(sheet)
         levels = [np.zeros(1)] * len(over)
         parts = sheet_of(cut_polygons(sheet.surface, [sheet.carry(x) for x in over], levels, snap, mesh=cells))
         chart = np.where(parts.material, parts.family, count - 1)

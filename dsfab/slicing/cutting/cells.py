@@ -11,16 +11,19 @@ from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
 CHUNK = 1 << 13
-"""Polygons measured together: this many fit the processor's cache."""
+"""Number of polygons that are measured together, because these fit the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Polygons as (c + 1,) `start` and (h,) `corner`: polygon i has the corners corner[start[i] : start[i + 1]].
+    """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
 
-    A slot is an index into `corner`. It also stands for the side from that corner to the next.
+    start : (c + 1,).    corner : (h,) vertices.
     sides_on : (h,) the line that each side lies on, a row of `CutLines`; 0 for none, and -1 - l for a side that a split
                has just put on its level l.
+
+    A slot is an index into `corner`. It also stands for the side from that corner to the next. `PolygonMesh` and
+    `Split` use this array; it has neither positions nor families, so it is no sheet by itself.
     """
 
     start: Ints
@@ -134,15 +137,15 @@ class Cells:
 
 
 LARGEST = 9
-"""Most corners for `triangulate` at once, because its dynamic programme takes cubic time; it first halves larger
-polygons."""
+"""Most corners of a polygon that `triangulate` fills at once, because its dynamic programme takes cubic time."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
 
     X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
-    has an area too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit."""
+    has an area, too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit.
+    """
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -241,9 +244,11 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction: even at snap = 0, a line nearer to a vertex than this goes through the vertex."""
+"""Least snap fraction: a line closer to a vertex than this share of an edge goes through the vertex, even at snap =
+0.
+"""
 TIP = 1e-3
-"""The edges of a stripe of varying width meet if they are closer than this share of a side (or the smaller snap)."""
+"""Both edges of a stripe of varying width meet where they are closer than this share of a side."""
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:
@@ -274,12 +279,14 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Return a copy of x (n, 2), two fields on the same levels, with the relatively nearer value moved onto its level.
+    """Move stripes onto vertices: return a copy of x (n, 2) with the relatively nearer value of a pair on its level
+    (k,).
 
     reach : (n, 2) the largest range of each field over the edges at a vertex.
 
     The second value moves by as much, so that a stripe keeps its width, but never across a level. Two fields at a
-    constant distance move like a single field that has the levels of both."""
+    constant distance move like a single field that has the levels of both fields.
+    """
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
@@ -298,7 +305,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons wholly in stripes and wholly outside; y (h, 2) are the values at the slots."""
+    """Return masks (c,) of polygons wholly inside stripes and wholly outside; y (h, 2) are the values at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])

@@ -39,7 +39,7 @@ class PolygonField:
 
     @classmethod
     def from_field(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Evaluate the field at each vertex, in the first face around it that has a phase."""
+        """Evaluate the field at each vertex, in the first face around the vertex that has a phase."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -133,7 +133,9 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) sides of the first and of the second polygon on edges across which the field changes its sign."""
+        """(h,) masks of the sides of the first and the second polygon on edges across which the field changes its
+        sign.
+        """
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -158,15 +160,14 @@ class PolygonField:
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
-    """Cut the void polygons along the edges of the stripes of a corner field; return also a mask (c',) of the new
-    material.
+    """Cut the void polygons along the edges of the stripes of a corner field; return also a mask (c',) of new material.
 
     snaps : snap fraction and tip, see `cut` and `TIP`.    size : of the surface, metres.
     edges : (l, 2) the lines of the mesh that are the edges of each stripe.
 
-    If neighbours see the field with opposite signs, the upper edge of a stripe in one face is the lower edge in the
-    next.
-    Both fields divide such a mesh edge before the cut, so that both faces get the same vertices."""
+    If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
+    next face. Both fields divide such a mesh edge before the cut, so that both faces get the same vertices.
+    """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -202,8 +203,9 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """(c,) mask of polygons in openings that want the field on enough area (m,), and of members between such
-    openings."""
+    """(c,) mask of polygons to cut: in openings that want the field on enough area (m,), and in members between
+    these.
+    """
     least = 0.5  # an opening needs stripes in this share of its area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -234,7 +236,6 @@ class StripeCut:
     edges: Ints = dataclasses.field(default_factory=lambda: np.zeros((1, 2), dtype=np.int64))
 
     def _side_ends(self, side: int) -> tuple[Ints, Ints, Floats]:
-        """The value indices at both ends of the sides of active polygons, and their difference."""
         place, y = self.seen.value_index(side), self.seen.slot_values(side)
         slots, next_slots = self._sides
         return place[slots], place[next_slots], np.abs(y[slots] - y[next_slots])
@@ -246,7 +247,7 @@ class StripeCut:
         return slots, cells.following[slots]
 
     def with_snapped_stripes(self, fraction: float) -> "StripeCut":
-        """Move each stripe onto vertices near its edges, with its width unchanged."""
+        """Move each stripe onto vertices near its edges, with an unchanged width."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
@@ -264,9 +265,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "StripeCut":
-        """Add vertices where the field changes sign across an edge, at the levels that the first polygon sees on
-        `side`.
-        """
+        """Add vertices to edges across which the field changes its sign, at the levels that the first polygon sees."""
         leading, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[leading | second]].any():
@@ -279,10 +278,11 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along the levels of one side of the field; return also the number of levels below
-        (c',).
+        """Cut the active polygons along the levels of one side of the field; return also the strip (c',) of each
+        polygon.
 
-        above : the strip of a polygon that lies on a level. Like `clean_split`, this leaves no polygon without area."""
+        above : whether a polygon on a level belongs to the strip above. Every new polygon has an area.
+        """
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

@@ -1,7 +1,7 @@
-"""`cut`: a surface cut exactly along level lines of linear fields, and `Recut` for cells that are cut again."""
+"""`cut`: a surface cut exactly along level lines of linear fields, and the cells of a sheet cut again."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -19,7 +19,7 @@ from dsfab.slicing.cutting.cells import (
     triangulate,
 )
 from dsfab.slicing.cutting.corner_fields import corner_band
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, Split, clean_split
 from dsfab.surface import Surface, corners_of, faces_at
@@ -27,15 +27,15 @@ from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6
-"""Levels closer than this share of the field's range count as equal."""
+"""Levels that differ by less than this share of the field's range count as equal."""
 
 
 Field = Floats | CornerField | DividedField
+DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
+"""A rule that marks material (c,) of field k, near blank faces (m,), that later fields divide, too."""
 
 
-def cut(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
-) -> Sheet:
+def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
     """Cut a surface along the levels of several fields; return all cells, material and void.
 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
@@ -48,13 +48,12 @@ def cut(
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
              onto it. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact areas; a
              floor of `SNAP_FLOOR` always holds, and corners of cells without area move too.
-    tidy   : stripes that a later pass may remove (see `tidied_polygons`), so that later fields divide them too.
 
-    Otherwise later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
+    Later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
     Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
-    return sheet_of(cut_polygons(surface, fields, levels, snap, tidy))
+    return sheet_of(cut_polygons(surface, fields, levels, snap))
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
@@ -68,19 +67,30 @@ def cut_polygons(
     fields: Sequence[Field],
     levels: Sequence[ArrayLike],
     snap: float = 0.05,
-    tidy: Tidy | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles.
 
     mesh : the faces of the surface as void polygons, with lines of an earlier cut.
     """
-    values, steps = checked_lines(surface, fields, levels)
+    return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
+
+
+def polygons_along(
+    surface: Surface,
+    fields: Sequence[Field],
+    values: Sequence[Floats],
+    levels: Sequence[Floats],
+    snap: float,
+    divided_again: DividedAgain | None = None,
+    mesh: PolygonMesh | None = None,
+) -> PolygonMesh:
+    """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
     mesh = mesh or PolygonMesh.from_surface(surface, divided)
-    for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
+    for k, (field, x, lines) in enumerate(zip(fields, values, levels, strict=True)):
         blank, sides = np.zeros(surface.m, dtype=bool), x.ndim
         edges = mesh.lines.count + np.arange(sides * len(lines)).reshape(-1, sides)
         mesh = replace(mesh, lines=mesh.lines.with_more(LineKind.LEVEL, edges.size, k))
@@ -94,9 +104,9 @@ def cut_polygons(
                 mesh = mesh.after_split(split, edges[:, side : side + 1])
                 on_parts = {j: split.with_new_values(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
-        if tidy:
+        if divided_again:
             near_blank = blank | adjacent_faces(surface, blank)
-            mesh = replace(mesh, again=mesh.again | tidy.recut_polygons(mesh, k, near_blank))
+            mesh = replace(mesh, again=mesh.again | divided_again(mesh, k, near_blank))
     return mesh
 
 
@@ -163,9 +173,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Fill polygons with triangles; return also the polygon (m',) of each, ascending, and its sides on lines (m', 3).
+    """Fill polygons (c,) with triangles; return also the polygon (m',) of each, ascending, and lines of sides (m', 3).
 
-    Raises PatternError for triangles without area, with their parent faces (c,).
+    Raises PatternError for triangles without area; the error names their parent faces (c,).
     """
     F, cell = triangulate(cells, X)
     try:
@@ -183,7 +193,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
 def checked_lines(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike]
 ) -> tuple[list[Floats], list[Floats]]:
-    """Return the values (n,) or (n, 2) of each field, and its levels without equal ones; raises as `cut` does."""
+    """Return the values (n,) or (n, 2) of each field, and its distinct levels; raise errors as `cut` does."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     return values, [_checked_levels(k, x, lines) for k, (x, lines) in enumerate(zip(values, levels, strict=True))]
 
@@ -205,7 +215,8 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
 
-    For a pair of fields, any number of equal levels leaves one level."""
+    For a pair of fields, any number of equal levels leaves one level.
+    """
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -218,53 +229,47 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     return distinct
 
 
-@dataclass(frozen=True, eq=False)
-class Recut:
-    """Cells (k,) of a sheet and their vertices (v,), both ascending, and the same cells as a mesh of polygons."""
+def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
+    """Return cells (k,) of a sheet and their neighbours, which get new vertices on their sides, as polygons to cut.
 
-    sheet: Sheet
-    cells: Ints
-    vertices: Ints
-    mesh: PolygonMesh
+    Returns also the cell (c,) of each polygon, ascending. Vertices keep their order.
+    """
+    surface = sheet.surface
+    selected = np.zeros(surface.m, dtype=bool)
+    selected[cells] = True
+    cell_a, cell_b = surface.edges.pairs.T // 3
+    touching = selected[cell_a] | selected[cell_b]
+    selected[cell_a[touching]] = selected[cell_b[touching]] = True
+    source = np.flatnonzero(selected)
+    vertices, F = np.unique(surface.F[source], return_inverse=True)
+    triangles, X = Cells.triangles(F.reshape(-1, 3), sheet.sides_on[source]), surface.V[vertices]
+    weights, parent, family = sheet.weights[vertices], sheet.parent[source], sheet.family[source]
+    mesh = PolygonMesh.from_cells(F, triangles, X, weights, parent, family)
+    return replace(mesh, lines=sheet.lines), source
 
-    @classmethod
-    def from_cells(cls, sheet: Sheet, cells: Ints) -> "Recut":
-        """Take cells (k,) of a sheet and their neighbours, which get new vertices on their sides."""
-        surface = sheet.surface
-        selected = np.zeros(surface.m, dtype=bool)
-        selected[cells] = True
-        cell_a, cell_b = surface.edges.pairs.T // 3
-        touching = selected[cell_a] | selected[cell_b]
-        selected[cell_a[touching]] = selected[cell_b[touching]] = True
-        which = np.flatnonzero(selected)
-        vertices, F = np.unique(surface.F[which], return_inverse=True)
-        triangles, X = Cells.triangles(F.reshape(-1, 3), sheet.sides_on[which]), surface.V[vertices]
-        mesh = PolygonMesh.from_cells(
-            F, triangles, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which]
-        )
-        return cls(sheet, which, vertices, replace(mesh, lines=sheet.lines))
 
-    def merged_sheet(self, mesh: PolygonMesh, source: Ints) -> Sheet:
-        """Return the whole sheet, in order, with these cells replaced by the polygons of `mesh`.
+def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
+    """Return a sheet with the cells of `recut_polygons` replaced by divided polygons.
 
-        source : (c,) the row in `cells` of each polygon.
-        """
-        sheet, surface, new_count = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
-        number = np.concatenate([self.vertices, surface.n + np.arange(new_count)])
-        stay = np.ones(surface.m, dtype=bool)
-        stay[self.cells] = False
-        unchanged = np.flatnonzero(stay)
-        start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
-        corner = np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]])
-        cells = Cells(start, corner, np.concatenate([sheet.sides_on[unchanged].ravel(), mesh.cells.sides_on]))
-        source_cell = np.concatenate([unchanged, self.cells[source]])
-        order = sorted_order(source_cell)
-        X = np.concatenate([surface.V, mesh.X[len(self.vertices) :]])
-        weights = csr_array(vstack([sheet.weights, mesh.weights[len(self.vertices) :]], format="csr"))
-        cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
-        family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
-        cut_surface, cell, sides_on = filled_polygons(cells, X, parent)
-        return Sheet(cut_surface, parent[cell], family[cell], weights, 0, sides_on, mesh.lines)
+    source : (c,) the cell of the sheet that each polygon is a part of.
+    """
+    surface = sheet.surface
+    stay = np.ones(surface.m, dtype=bool)
+    stay[source] = False
+    unchanged, vertices = np.flatnonzero(stay), np.unique(surface.F[~stay])
+    new_count = len(mesh.X) - len(vertices)
+    number = np.concatenate([vertices, surface.n + np.arange(new_count)])
+    start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
+    corner = np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]])
+    cells = Cells(start, corner, np.concatenate([sheet.sides_on[unchanged].ravel(), mesh.cells.sides_on]))
+    source_cell = np.concatenate([unchanged, source])
+    order = sorted_order(source_cell)
+    X = np.concatenate([surface.V, mesh.X[len(vertices) :]])
+    weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
+    cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
+    family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
+    cut_surface, cell, sides_on = filled_polygons(cells, X, parent)
+    return Sheet(cut_surface, parent[cell], family[cell], weights, 0, sides_on, mesh.lines)
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:

@@ -1,8 +1,9 @@
 """Halving of two families of lines in the openings between them.
 
-Where lines crowd, the halving leaves out every second line, or three of four: line k stays if it is a multiple
-of 2^level. Lines must end on other lines. So each opening between lines that are always drawn has one level:
-first openings between the coarse lines of both families, then also between the finer lines of the first family."""
+Where lines crowd, the halving leaves out every second line, or three lines of four: line k stays if it is a multiple
+of 2^level. Lines must end on lines. So each opening between lines that are always drawn has one level: first openings
+between the coarse lines of both families, then also between the finer lines of the first family.
+"""
 
 from dataclasses import dataclass, replace
 
@@ -26,7 +27,8 @@ class LineHalving:
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : the fields, moved onto vertices that a line nearly meets.
-    first  : the family whose lines came first; lines of the second family may end on them."""
+    first  : the family that was halved first; lines of the second family may end on its lines.
+    """
 
     mesh: PolygonMesh
     level: Ints
@@ -97,7 +99,6 @@ def _snapped_field(mesh: PolygonMesh, field: CornerField, size: float) -> Corner
 
 
 def _multiples(field: CornerField, F: Ints, period: int, offset: int) -> Floats:
-    """The levels offset + j period, for whole numbers j, over all values of a field."""
     reach = np.ceil(max(np.abs(field.corners(F)).max(), np.abs(field.x).max()) / period) + 1
     return np.asarray(offset + period * np.arange(-reach, reach + 1))
 
@@ -105,7 +106,6 @@ def _multiples(field: CornerField, F: Ints, period: int, offset: int) -> Floats:
 def _with_lines(
     mesh: PolygonMesh, field: CornerField, period: int, offset: int, active: Bools, size: float
 ) -> tuple[PolygonMesh, Ints]:
-    """Divide active polygons along field = offset + j period; return also the old polygon of each."""
     active = active & ~field.blank[mesh.parent]
     levels = _multiples(field, mesh.F, period, offset)
     cutting = StripeCut(PolygonField.from_field(mesh, field), levels, 0.0, size, active, np.zeros_like(active))

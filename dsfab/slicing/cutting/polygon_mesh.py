@@ -8,7 +8,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lock, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, sorted_order
 from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.sheet import VOID, CutLines, LineKind, Sheet
 from dsfab.slicing.cutting.split import Split
@@ -19,11 +19,12 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class PolygonMesh:
-    """Polygons on vertices X (n', 3), their parent faces and families (c,), and the weights of the vertices.
+    """Polygons on vertices X (n', 3), metres, their parent faces and families (c,), and the weights of the vertices.
 
     F     : (m, 3) the faces of the uncut surface.
-    again : (c,) material that later fields divide too.
+    again : (c,) material that later fields divide, too.
     also  : (c,) a second field that makes the same polygon material, at a crossing; else `VOID`.
+    stubs : number of removed and straightened stripes, see `Sheet`.
     lines : the lines that sides of polygons lie on, see `Cells.sides_on`.
     """
 
@@ -51,9 +52,13 @@ class PolygonMesh:
 
     @classmethod
     def from_sheet(cls, sheet: Sheet) -> Self:
-        """Return all cells of a sheet as void polygons of its surface, with their lines."""
-        mesh = cls.from_surface(sheet.surface)
-        return replace(mesh, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
+        """Return the cells of a sheet as polygons, with their lines."""
+        F, V = sheet.surface.F, sheet.surface.V
+        return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
+
+    def with_lines_of(self, sheet: Sheet) -> Self:
+        """Return the triangles of a sheet, which these polygons must be, with the lines that their sides lie on."""
+        return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
@@ -62,9 +67,7 @@ class PolygonMesh:
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """Make polygons (c,) material of field k if they are void; in blank faces (m,) they become joints, where
-        stripes end.
-        """
+        """Make void polygons (c,) material of field k. In blank faces (m,) they become nodes, where stripes end."""
         new_material = material & self.void
         joint = (material & ~new_material & self.again) | (new_material & blank[self.parent])
         family, also = np.where(new_material, k, self.family), np.where(joint, k, self.also)
@@ -103,8 +106,9 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) the slots of both sides of each inner edge, and the slot of the second polygon at the start of the
-        first side."""
+        """(p,) the slots of both sides of each inner edge, and the second polygon's slot at the start of the first
+        side.
+        """
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -133,7 +137,7 @@ class PolygonMesh:
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """Return the positions (k,), 0 to 2, of uncut vertices (k,) in faces (k,) that must have them as corners."""
+        """Return the places (k,), 0 to 2, of uncut vertices (k,) among the corners of faces (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
@@ -146,7 +150,7 @@ def _rim(surface: Surface) -> Ints:
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:
-    """(k,) positions in faces (k, 3) of their corners `vertex` (k,)."""
+    """(k,) places, 0 to 2, of vertices (k,) among the corners of faces (k, 3)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
@@ -159,38 +163,6 @@ def weights_after_split(weights: csr_array, split: Split) -> csr_array:
     )
     begins = np.concatenate([weights.indptr, weights.indptr[-1] + new_weights.indptr[1:]])
     return csr_array((data, indices, begins), shape=(weights.shape[0] + new_weights.shape[0], weights.shape[1]))
-
-
-@dataclass(frozen=True, eq=False)
-class Tidy:
-    """Stripes that `tidied_polygons` may remove, so that later fields must divide them too.
-
-    striped : for each field True if it draws stripes; material of other fields stays.
-    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
-    anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None: openings with a positive mean become material.
-    """
-
-    striped: tuple[bool, ...]
-    astray: tuple[Bools | None, ...]
-    anchor: Bools
-    closed: tuple[Floats | None, ...] = ()
-
-    def __post_init__(self) -> None:
-        lock(self, "anchor", np.bool_, (None,))
-
-    def recut_polygons(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """(c,) material of field k that later fields must divide: stripes that meet a blank face (m,) or go astray."""
-        own_polygons = (mesh.family == k) | (mesh.also == k)
-        if not self.striped[k] or not own_polygons.any():
-            return np.zeros_like(own_polygons)
-        astray = self.astray[k]
-        suspect = blank if astray is None else blank | astray
-        suspect_vertices = np.zeros(len(mesh.X), dtype=bool)
-        suspect_vertices[mesh.cells.corner[suspect[mesh.face]]] = True
-        part = mesh.part_labels(own_polygons)
-        touched = own_polygons & mesh.cells.per_polygon(np.logical_or, suspect_vertices[mesh.cells.corner])
-        return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,12 +224,10 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def dead_ends(self, gone: Bools) -> Bools:
-        """(p,) parts that touch other parts or an edge of the surface at one place only, along less than half their
-        outline.
+        """(p,) parts with one contact only, to a part or an edge of the surface, along less than half of their outline.
 
-        Consecutive stretches count as one place. For example, a stripe that ends in the corner between two stripes has
-        one place.
         gone : (p,) parts that are removed already.
+        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact.
         """
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
@@ -269,14 +239,15 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single_contacts(self, gone: Bools) -> tuple[Ints, Ints]:
-        """(k,) parts with a single neighbour along a single stretch, and (k,) the neighbours."""
+        """(k,) parts with a single neighbour along a single stretch, and (k,) their neighbours."""
         part, neighbour, _, _ = self._remaining(gone)
         is_single = (np.bincount(part, minlength=len(gone))[part] == 1) & (neighbour >= 0)
         return part[is_single], neighbour[is_single]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """(p,) remaining parts that a removal cut off from all supports: edges, anchors and the parts that always
-        stay."""
+        """(p,) parts that a removal cut off from all supports: edges of the surface, anchors, and parts that always
+        stay.
+        """
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:
@@ -289,7 +260,6 @@ class Contacts:
         return np.asarray(ground[label])
 
     def _remaining(self, gone: Bools) -> tuple[Ints, Ints, Floats, Ints]:
-        """The remaining contacts from both sides: part, neighbour, metres, and the number as in `links`."""
         a, b = self.parts.T
         remaining = np.flatnonzero(~gone[a] & ((b < 0) | ~gone[b]))
         inner = remaining[b[remaining] >= 0]

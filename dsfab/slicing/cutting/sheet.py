@@ -1,16 +1,17 @@
-"""`Sheet`: a surface cut into material and void, and parts of it as surfaces of their own."""
+"""`Sheet`: a surface cut into material and void cells, and parts of it as surfaces of their own."""
 
 import dataclasses
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, lock
 from dsfab.core.errors import PatternError
+from dsfab.slicing.cutting.walls import Walls
 from dsfab.surface import Surface, spanned_edges
 
 if TYPE_CHECKING:
@@ -20,10 +21,44 @@ if TYPE_CHECKING:
 
 
 VOID = -1
-"""The `family` of a void cell."""
+"""The family of a void cell."""
 
 ON_SIMPLEX = 1 - 1e-9
-"""Least interpolated value of a 0/1 field at a point that lies between marked vertices only."""
+"""Least interpolated value of a 0/1 field at a point on an edge or a face whose corners are all marked."""
+
+
+@dataclass(frozen=True, eq=False)
+class SheetPart:
+    """Cells of a cut surface as a surface of their own.
+
+    cut_surface : all cells.    surface : the part.
+    cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending.
+    """
+
+    cut_surface: Surface
+    surface: Surface
+    cells: Ints
+    vertices: Ints
+
+    @classmethod
+    def from_cells(cls, cut_surface: Surface, mask: Bools) -> Self:
+        """Return the marked cells (m',) of a cut surface, which must be at least one."""
+        F, used = cut_surface.F[mask], np.zeros(cut_surface.n, dtype=bool)
+        used[F] = True
+        surface = Surface(cut_surface.V[used], (np.cumsum(used) - 1)[F])
+        return cls(cut_surface, surface, np.flatnonzero(mask), np.flatnonzero(used))
+
+    @cached_property
+    def parent_edges(self) -> Ints:
+        """(e,) the edge of `cut_surface` at each edge of the part."""
+        edges = np.empty(len(self.surface.edges.ends), dtype=np.int64)
+        edges[self.surface.edges.of] = self.cut_surface.edges.of[self.cells]
+        return edges
+
+    @cached_property
+    def walls(self) -> Bools:
+        """(e,) mask of the boundary edges of the part that lie inside `cut_surface`."""
+        return np.asarray(self.surface.edges.boundary & ~self.cut_surface.edges.boundary[self.parent_edges])
 
 
 class LineKind(IntEnum):
@@ -146,7 +181,7 @@ class Sheet:
         """The cells as a COMPAS mesh, metres; raises SurfaceError if compas is not installed."""
         return self.surface.to_compas()
 
-    @property
+    @cached_property
     def material(self) -> Bools:
         """(m',) mask of the material cells."""
         return np.asarray(self.family != VOID)
@@ -158,13 +193,19 @@ class Sheet:
         return bool(material.any() and not material.all())
 
     @cached_property
-    def void_neighbours(self) -> Ints:
-        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
-        side_a, side_b = self.surface.edges.pairs.T
-        inner = ~(self.material[side_a // 3] | self.material[side_b // 3])
-        cell = np.full(3 * self.surface.m, -1)
-        cell[side_a[inner]], cell[side_b[inner]] = side_b[inner] // 3, side_a[inner] // 3
-        return cell.reshape(-1, 3)
+    def material_part(self) -> SheetPart:
+        """The material cells, which must be at least one."""
+        return SheetPart.from_cells(self.surface, self.material)
+
+    @cached_property
+    def void_part(self) -> SheetPart:
+        """The void cells, which must be at least one."""
+        return SheetPart.from_cells(self.surface, ~self.material)
+
+    @cached_property
+    def walls(self) -> Walls:
+        """The edges between material and void, as chains around the openings."""
+        return Walls.from_cells(self.surface, ~self.material)
 
     def carry(self, x: Floats) -> Floats:
         """Interpolate values x (n, ...) on the uncut surface's vertices linearly to this sheet's (n', ...)."""
@@ -173,8 +214,9 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip other faces may see
-        vectors from their other side. The result equals `carry` if the corners at each vertex agree."""
+        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip a second face may
+        see vectors from its other side. The result equals `carry` if the corners at each vertex agree.
+        """
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -182,8 +224,7 @@ class Sheet:
         row, column = weights.coords
         corner_place = (F[parent[row]] == column[:, None]).argmax(axis=1)
         values = weights.data[:, None] * x[parent[row], corner_place]
-        total = np.stack([np.bincount(row, v, self.surface.n) for v in values.T], axis=1)
-        return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
+        return np.asarray(np.where((corner >= 0)[:, None], group_sums(row, values, self.surface.n), 0.0))
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.
@@ -218,25 +259,22 @@ class Sheet:
 
         Raises PatternError if no cell is marked.
         """
-        return self._material_sheet if mask is None else self._subset(mask)
+        return self._material_sheet if mask is None else self._part_sheet(mask)
 
     @cached_property
     def _material_sheet(self) -> "Sheet":
-        return self._subset(self.material)
+        return self._part_sheet(self.material)
 
-    def _subset(self, mask: Bools) -> "Sheet":
+    def _part_sheet(self, mask: Bools) -> "Sheet":
         if not mask.any():
             raise PatternError(
                 f"none of the {self.surface.m} cells is kept: there is nothing to build; "
                 "lower the threshold or raise the frequency"
             )
-        F = self.surface.F[np.flatnonzero(mask)]
-        used = np.zeros(self.surface.n, dtype=bool)
-        used[F] = True
-        vertices = np.flatnonzero(used)
-        surface = Surface(self.surface.V[vertices], (np.cumsum(used) - 1)[F])
-        columns = (self.parent[mask], self.family[mask], self.weights[vertices])
-        return Sheet(surface, *columns, self.stubs, self._outline_lines(surface, mask), self.lines)
+        part = self.material_part if mask is self.material else SheetPart.from_cells(self.surface, mask)
+        weights = self.weights[part.vertices]
+        columns = (self.parent[mask], self.family[mask], weights, self.stubs)
+        return Sheet(part.surface, *columns, self._outline_lines(part.surface, mask), self.lines)
 
     @cached_property
     def lines_of_edges(self) -> Ints:
@@ -262,29 +300,12 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
     return column, value
 
 
-def face_subset(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
-    """Return the marked faces as a surface, and their indices in `surface`."""
-    F, used = surface.F[mask], np.zeros(surface.n, dtype=bool)
-    used[F] = True
-    number = np.cumsum(used) - 1
-    return Surface(surface.V[used], number[F]), np.flatnonzero(mask)
-
-
-def parent_edges(part: Surface, surface: Surface, faces: Ints) -> Ints:
-    """(e,) the edges of the surface that are the edges of a part; `faces` (f,) are the indices of the part's faces."""
-    edges = np.empty(len(part.edges.ends), dtype=np.int64)
-    edges[part.edges.of] = surface.edges.of[faces]
-    return edges
-
-
-def inner_walls(void: Surface, surface: Surface, faces: Ints) -> Bools:
-    """(e,) mask of the boundary edges of a part that lie inside the surface."""
-    return np.asarray(void.edges.boundary & ~surface.edges.boundary[parent_edges(void, surface, faces)])
-
-
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite where walls do not enclose
-    a piece."""
+    """(count,) hydraulic diameters 4 area / perimeter, metres, of the pieces of a part; infinite for pieces without a
+    closed wall around them.
+
+    walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`.
+    """
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -296,7 +317,9 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """(count,) weighted median of the values under each label; infinite without weight. NaN values do not count."""
+    """(count,) weighted median of the values (k,) under each label (k,); infinite without weight. NaN does not
+    count.
+    """
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]

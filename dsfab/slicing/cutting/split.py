@@ -34,7 +34,7 @@ class Split:
 
     @classmethod
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
-        """Return the polygons unchanged, the active ones (c,) in strip 0."""
+        """Return the polygons unchanged, with the active polygons (c,) in strip 0."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
         return cls(
             cells,
@@ -150,8 +150,6 @@ class _Sides:
 
 
 class _NewVertices(NamedTuple):
-    """New vertices (k,) at (1 - t) low + t high of two old ones, on a side and a level."""
-
     low: Ints
     high: Ints
     t: Floats
@@ -355,7 +353,7 @@ class Snapping(NamedTuple):
 
     fraction : largest move, as a share of an edge's range.
     size     : of the surface, metres.
-    hold     : vertices whose value never moves.
+    hold     : vertices (k,) whose values never move.
     """
 
     fraction: float
@@ -390,8 +388,7 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """Return the vertices (k,) that are corners of divided cells without area; X (n, 3) are the positions of all
-    vertices."""
+    """Return the vertices (k,) of divided cells without area; X (n, 3) are the positions of all vertices."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided

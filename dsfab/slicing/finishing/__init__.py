@@ -1,1 +1,1 @@
-"""Passes from sheet to sheet after the cut: openings, least widths, fillets, smooth walls, better triangles."""
+"""Passes over a cut sheet: openings, least widths, round corners, smooth walls, better triangles."""

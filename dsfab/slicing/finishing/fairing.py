@@ -1,4 +1,4 @@
-"""Fair walls: wall vertices moved onto smooth curves, and long wall edges divided where they bend."""
+"""Smooth walls: wall vertices moved onto smooth curves, and long wall edges divided where the curves bend."""
 
 import itertools
 from dataclasses import dataclass, replace
@@ -10,8 +10,8 @@ from scipy.sparse.linalg import spsolve
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.slicing.cutting.sheet import Sheet, weight_entries
-from dsfab.slicing.finishing.mesh_quality import independent
-from dsfab.slicing.finishing.walls import Walls
+from dsfab.slicing.cutting.walls import Walls
+from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
@@ -24,10 +24,12 @@ BEND = 0.4
 
 
 class Freedom(NamedTuple):
-    """Possible moves of wall vertices. vertex : (k,).    along : (k, 2, 3) unit directions, 0 for a missing one.
+    """Possible moves of wall vertices (k,).
 
+    along : (k, 2, 3) unit directions, 0 for a missing direction.
     share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices."""
+    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
+    """
 
     vertex: Ints
     along: Floats
@@ -37,37 +39,33 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """Make the walls between material and void of a sheet as fair as the mesh allows.
+    """Make the walls between material and void of a sheet without pinches as smooth as the mesh allows.
 
-    sheet : all cells, material and void, without pinches.
-
-    Minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d is the move across the wall, k
-    the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay; waves of wave
-    number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in
-    their uncut faces; vertices of the uncut surface stay where they are.
+    The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
+    across the wall, k the curvature in the surface, and a and b are numbers of wall segments. Circles and straight
+    lines
+    stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba
+    1990].
+    Cells stay in their uncut faces, and vertices of the uncut surface stay in place.
     """
-    walls = Walls.from_sheet(sheet)
-    if not len(walls.start):
-        return sheet
-    free = _freedom(sheet, walls)
+    walls = sheet.walls
+    vertex = np.unique(np.concatenate([walls.start, walls.end]))
+    free = freedom(sheet, vertex, sheet.weights[vertex])
     if not len(free.vertex):
         return sheet
-    step = _fair_steps(sheet, walls, free)
+    step = _fair_steps(sheet, free)
     move = np.einsum("kj,kji->ki", step, free.along)
     length = np.linalg.norm(move, axis=1)
     step = step * np.minimum(1.0, free.most / np.maximum(length, 1e-300))[:, None]
     return _move_vertices(sheet, free, step)
 
 
-def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
-    vertex = np.unique(np.concatenate([walls.start, walls.end]))
-    return freedom(sheet, vertex, sheet.weights[vertex])
-
-
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut vertices.
 
-    A vertex on an edge slides along it, and a vertex within a face moves anywhere in it. Uncut vertices are left out.
+    A vertex on an edge can move along the edge, and a vertex within a face anywhere in the face. Uncut vertices are
+    left
+    out.
     """
     column, weight = weight_entries(weights)
     has_weight = weight > 0
@@ -92,29 +90,25 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     return Freedom(vertex[movable], along, share, column[movable], 0.1 * length)
 
 
-def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
-    """(k, 2) metres along the directions of the vertices that make walls fair."""
-    n = sheet.surface.n
+def _fair_steps(sheet: Sheet, free: Freedom) -> Floats:
+    n, walls = sheet.surface.n, sheet.walls
     place = np.full(n, -1)
     place[free.vertex] = np.arange(len(free.vertex))
     corner = np.zeros(n, dtype=bool)
-    corner[walls.start[np.abs(walls.turns(sheet)) > CORNER]] = True
+    corner[walls.start[np.abs(walls.turns) > CORNER]] = True
     segment = (walls.total / np.diff(walls.begin))[walls.chain]
     all_walls = np.arange(len(walls.start))
-    (before, has_previous), (after, has_next) = (
-        walls.walls_ahead(all_walls, all_walls * 0 - 1),
-        walls.walls_ahead(all_walls, all_walls * 0 + 1),
-    )
+    (before, has_previous), (after, has_next) = (walls.walls_ahead(all_walls, 0 * all_walls + k) for k in (-1, 1))
     wall_vertices = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
     bends = has_previous & ~corner[walls.start]
     changes = bends & has_next & ~corner[walls.end] & (wall_vertices[:, 0] != wall_vertices[:, 3])
-    side = _lateral(sheet, walls, wall_vertices)
+    side = _lateral(sheet, wall_vertices)
     rows, right_side = list[csr_array](), list[Floats]()
     for used, points, order, size in (
         (changes, wall_vertices, 3, REACH * segment),
         (bends, wall_vertices[:, :3], 2, BEND * segment),
     ):
-        q, least = points[used], 0.02 * segment[used]  # nearer vertices count at this distance
+        q, least = points[used], 0.02 * segment[used]  # nearer vertices count as this far apart
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -125,14 +119,14 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         rows.append(row)
         right_side.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weighs moves along a wall
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # this weight limits moves along a wall
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right_side))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
 
-def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
+def _lateral(sheet: Sheet, p: Ints) -> Floats:
     normals, V = sheet.surface.normals, sheet.surface.V
-    up = normals[walls.inside // 3] + normals[walls.outside // 3]
+    up = normals[sheet.walls.void_cells] + normals[sheet.walls.material_cells]
     across = np.cross(up, V[p[:, 3]] - V[p[:, 0]])
     flat = np.cross(up, V[p[:, 2]] - V[p[:, 1]])
     size, flat_size = (np.linalg.norm(vectors, axis=1)[:, None] for vectors in (across, flat))
@@ -140,7 +134,9 @@ def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """(k, order + 1) weights of points P (k, order + 1, 3) in the derivative along them, and (k,) their lengths."""
+    """Weights (k, order + 1) that give a derivative along lines through points P (k, order + 1, 3); lengths (k,),
+    metres.
+    """
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -149,8 +145,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Linear equations for the vertex steps: rows of the sums of value (k, j, 3) . position of vertices q (k, j),
-    and `value`."""
+    """Linear equations for the steps: the sum over j of value (k, j, 3) . step of vertex q (k, j); and `value`."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -159,7 +154,7 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """The sheet with vertices moved by steps (k, 2); steps shrink where cells would become slim or turn over."""
+    """Move vertices by steps (k, 2), metres; steps shrink where cells would become slim or turn over."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -167,8 +162,8 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # degrees
-    for attempt in itertools.count():  # undoing one move may make a neighbouring cell slim
+    slimmest, halvings = 0.5, 7  # the slimmest angle is in degrees
+    for attempt in itertools.count():  # a smaller move may make a neighbouring cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -178,14 +173,6 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     row = np.repeat(free.vertex, 3)
     change = csr_array((added.ravel(), (row, free.column.ravel())), shape=sheet.weights.shape)
     return replace(sheet, surface=Surface(V, surface.F), weights=csr_array(sheet.weights + change))
-
-
-def least_angles(P: Floats, normals: Floats) -> Floats:
-    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
-    sides = np.roll(P, -1, axis=1) - P
-    back = -np.roll(sides, 1, axis=1)
-    twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
-    return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,30 +190,25 @@ class Division:
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """Divide bent walls between material and void, so that outlines look round.
-
-    sheet : all cells, material and void, without pinches; its walls are fair.
+    """Divide bent walls between material and void of a faired sheet, so that outlines look round.
 
     Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
     face, and corners stay sharp.
     """
     for _ in range(3):  # each round about halves the turns
-        walls = Walls.from_sheet(sheet)
-        division = _division(sheet, walls)
+        division = _division(sheet)
         if not len(division.wall):
             break
-        sheet = _divide_walls(sheet, walls, division)
+        sheet = _divide_walls(sheet, division)
     return sheet
 
 
-def _bows(sheet: Sheet, walls: Walls) -> Floats:
-    """(w,) distance of the curve through each wall's ends from its middle, to the right, metres; 0 under 3 degrees."""
+def _bows(walls: Walls) -> Floats:
+    """(w,) metres from each wall's middle to the curve through its ends, to the right; 0 for turns under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
-    turn, all_walls = walls.turns(sheet), np.arange(len(walls.start))
-    (before, has_previous), (after, has_next) = (
-        walls.walls_ahead(all_walls, np.full(len(all_walls), k)) for k in (-1, 1)
-    )
+    turn, all_walls = walls.turns, np.arange(len(walls.start))
+    (before, has_previous), (after, has_next) = (walls.walls_ahead(all_walls, 0 * all_walls + k) for k in (-1, 1))
     has_turn = has_previous & (np.abs(turn) < CORNER)
     curvature = np.zeros(len(turn))
     curvature[has_turn] = (turn / ((walls.length[before] + walls.length) / 2))[has_turn]
@@ -236,11 +218,11 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
     return np.asarray(np.where(bent, mean * walls.length**2 / 8, 0.0))
 
 
-def _division(sheet: Sheet, walls: Walls) -> Division:
-    """The walls to divide next; of two walls at one cell, the wall with the larger bow."""
-    bow = _bows(sheet, walls)
-    void_cell, material_cell = walls.inside // 3, walls.outside // 3
-    wall = np.flatnonzero((bow != 0) & (sheet.parent[void_cell] == sheet.parent[material_cell]))
+def _division(sheet: Sheet) -> Division:
+    """The walls to divide next. If a cell has two bent walls, the wall with the larger bow."""
+    walls = sheet.walls
+    bow = _bows(walls)
+    wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))
     wall = wall[np.argsort(-np.abs(bow[wall]), kind="stable")]
     middle = csr_array(0.5 * (sheet.weights[walls.start[wall]] + sheet.weights[walls.end[wall]]))
     free = freedom(sheet, np.arange(len(wall)), middle)
@@ -248,7 +230,7 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     wall, middle, along, share = wall[free.vertex], middle[free.vertex], free.along, free.share
     V = sheet.surface.V
     a, b = V[walls.start[wall]], V[walls.end[wall]]
-    left_normal = np.cross(sheet.surface.normals[void_cell[wall]], b - a) / walls.length[wall][:, None]
+    left_normal = np.cross(sheet.surface.normals[walls.void_cells[wall]], b - a) / walls.length[wall][:, None]
     step = -bow[wall][:, None] * np.einsum("kji,ki->kj", along, left_normal)
     row = np.repeat(np.arange(len(wall)), 3)
     change = (np.einsum("kj,kjc->kc", step, share).ravel(), (row, free.column.ravel()))
@@ -256,29 +238,25 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     division = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
     least_weight = np.full(len(wall), np.inf)
     np.minimum.at(least_weight, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _independent_divisions(sheet, walls, division.subset(face & (least_weight > 1e-3)))
-
-
-def _independent_divisions(sheet: Sheet, walls: Walls, division: Division) -> Division:
-    division = division.subset(_keeps_angles(sheet, walls, division))
+    division = division.subset(face & (least_weight > 1e-3))
+    division = division.subset(_keeps_angles(sheet, division))
     rank = np.arange(len(division.wall))
-    cells = np.concatenate([walls.inside[division.wall], walls.outside[division.wall]]) // 3
+    cells = np.concatenate([walls.void_cells[division.wall], walls.material_cells[division.wall]])
     return division.subset(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
 
 
 def _halves(sheet: Sheet, half_edge: Ints, new_vertex: Ints) -> tuple[Ints, Ints]:
-    """The cells (k, 3) before and behind new vertices (k,) on the half-edges of cells (k,)."""
     cell, side = np.divmod(half_edge, 3)
     a, b, c = (sheet.surface.F[cell, (side + j) % 3] for j in range(3))
     return np.stack([a, new_vertex, c], axis=1), np.stack([new_vertex, b, c], axis=1)
 
 
-def _keeps_angles(sheet: Sheet, walls: Walls, division: Division) -> Bools:
-    """(k,) True if the four cells at a new vertex keep half of their smallest angle, or 2 degrees."""
+def _keeps_angles(sheet: Sheet, division: Division) -> Bools:
+    """(k,) True if the four cells at a new vertex keep half of their former smallest angle, or 2 degrees."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, division.V]), surface.n + np.arange(len(division.wall))
     accepted = np.ones(len(division.wall), dtype=bool)
-    for h in (walls.inside[division.wall], walls.outside[division.wall]):
+    for h in (sheet.walls.inside[division.wall], sheet.walls.outside[division.wall]):
         normals = surface.normals[h // 3]
         least = 0.5 * np.minimum(4.0, least_angles(surface.V[surface.F[h // 3]], normals))
         for F in _halves(sheet, h, number):
@@ -286,12 +264,12 @@ def _keeps_angles(sheet: Sheet, walls: Walls, division: Division) -> Bools:
     return accepted
 
 
-def _divide_walls(sheet: Sheet, walls: Walls, division: Division) -> Sheet:
+def _divide_walls(sheet: Sheet, division: Division) -> Sheet:
     surface = sheet.surface
     number = surface.n + np.arange(len(division.wall))
     F, rows, source_cells = surface.F.copy(), list[Ints](), list[Ints]()
     sides_on, back_sides_on = sheet.sides_on.copy(), list[Ints]()
-    for h in (walls.inside[division.wall], walls.outside[division.wall]):
+    for h in (sheet.walls.inside[division.wall], sheet.walls.outside[division.wall]):
         front, back = _halves(sheet, h, number)
         F[h // 3] = front
         rows.append(back)

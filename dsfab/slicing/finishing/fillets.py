@@ -1,29 +1,29 @@
-"""Fillets at the corners of openings: chords of arcs, and discs rolled into blunt tips."""
+"""Round corners of openings: arcs as chords, also where a disc that rolls along the walls stops at a blunt tip."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.core.errors import PatternError
-from dsfab.slicing.cutting.cut import Recut
+from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.finishing.flat_openings import FlatOpenings, nearest_in_plane
-from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs, unit
+from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
+from dsfab.slicing.finishing.flat_openings import FlatOpenings, flat_openings_of, nearest_in_plane
+from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, circle_centres, tangent_arcs
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, next_in_chains
 
 
 @dataclass(frozen=True, eq=False)
 class DiscStops:
-    """Stops of discs that roll in the flat.
+    """Places where discs that roll along the walls of flat openings stop, because they touch two walls.
 
-    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to the two walls that the disc
-             touches.
-    a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
+    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
+    a, b   : (p,) these walls, as places in `FlatOpenings.wall`.
+    share_a, share_b : (p,) shares of the walls' lengths that lie before the points of contact.
     """
 
     middle: Floats
@@ -39,43 +39,37 @@ class DiscStops:
         return DiscStops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
-def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
+def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
     """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and arcs (p,).
 
-    Arcs are in the frames of the corners, and no arc overlaps another arc. Discs that stop at one wall, or touch no
-    walls
-    in space, are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest
-    vertices, because on a curved surface only one of them may see the arc. The second result leaves out `taken`
-    stretches."""
-    flat = FlatOpenings.from_sheet(corners.sheet, corners.walls)
+    Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
+    are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest vertices. On a
+    curved surface an arc may fit at one of these vertices only. Corners in `taken` stretches are left out."""
+    flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
     if loops:
         stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
-        walls = corners.walls
         for tip in tips:
             wall, free = flat.wall[tip], np.ones(len(tip), dtype=bool)
             for stretches in taken:
                 free &= ~stretches.covers(walls.chain[wall], walls.place[wall])
-            yield _arcs_in_planes(corners, flat, stop.subset(free), tip[free], radius)
+            yield _arcs_in_planes(walls, flat, stop.subset(free), tip[free], radius)
 
 
 def _arcs_in_planes(
-    corners: Corners, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
+    walls: Walls, flat: FlatOpenings, stop: DiscStops, tip: Ints, radius: float
 ) -> tuple[Corners, Arcs]:
-    """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
-    walls, V = corners.walls, corners.sheet.surface.V
     wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
     total, tip_place, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
     way_a = (tip_place - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
     way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - tip_place) % total
-    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), tip_place)
+    tips = Corners(walls, wall, np.zeros(len(wall)), tip_place)
 
     def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
-        """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
-        foot = walls.points(V, w, share) - tips.origin
+        foot = walls.points(w, share) - tips.origin
         inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
         p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
-        return p, unit(n)
+        return p, unit_vectors(n)
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
@@ -89,20 +83,17 @@ def _arcs_in_planes(
 
 def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
     middle, before, behind = _left_turns(loops)
-    (a, share_a), (b, share_b) = (
-        flat.nearest_walls(middle + radius * before),
-        flat.nearest_walls(middle + radius * behind),
-    )
+    (a, share_a), (b, share_b) = (flat.nearest_walls(middle + radius * x) for x in (before, behind))
     between_walls = (flat.chain[a] == flat.chain[b]) & (a != b)
     return DiscStops(middle, before, behind, a, b, share_a, share_b).subset(between_walls)
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points where loops turn left by more than `SHARPEST`, and unit vectors to the right before and behind them."""
+    """Points (p, 2) where loops turn left by more than `SHARPEST`; unit vectors to the right before and behind them."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
-        ahead = unit(np.roll(loop, -1, axis=0) - loop)
+        ahead = unit_vectors(np.roll(loop, -1, axis=0) - loop)
         back = np.roll(ahead, 1, axis=0)
         turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
         turns = turn > SHARPEST
@@ -113,9 +104,10 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """The stops beyond which no other disc has room, and pairs of walls (p,) beyond each stop, one near and one far.
+    """The stops beyond which no second disc has room; and for each stop a near and a far wall (p,) beyond it.
 
-    An opening may widen again behind a neck; such a stop is not a tip."""
+    An opening may widen again behind a neck; such a stop is not a tip.
+    """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -127,17 +119,12 @@ def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: floa
     touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points at the foot of the arc do not count
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # points near the foot of the arc do not count
     free = np.bincount(row, touched, len(count)) == 0
     distance = np.linalg.norm(start - stop.middle[row], axis=1)
     close_by = distance < 1.2 * radius
-    nearby, farthest = (
-        wall[order][np.unique(row[order], return_index=True)[1]]
-        for order in (
-            np.lexsort((np.where(close_by, -distance, distance), close_by, row)),
-            np.lexsort((-distance, row)),
-        )
-    )
+    orders = (np.lexsort((np.where(close_by, -distance, distance), close_by, row)), np.lexsort((-distance, row)))
+    nearby, farthest = (wall[order][np.unique(row[order], return_index=True)[1]] for order in orders)
     return stop.subset(free), nearby[free], farthest[free]
 
 
@@ -162,8 +149,9 @@ class Fillets:
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
-    The filled region is beyond a chord and within both rays. Rays run from the middle through the feet. They are needed
-    if the walls turn away so sharply at a foot that the void beside it lies beyond the chord as well.
+    An arc fills the region beyond a chord and within both rays. Rays run from the middle of the arc through its feet.
+    They
+    are needed if the walls turn so sharply at a foot that the void beside the foot lies beyond the chord as well.
     """
 
     wall: Ints
@@ -200,21 +188,20 @@ class Fillets:
 
     @classmethod
     def from_parts(cls, parts: Sequence["Fillets"]) -> "Fillets":
-        """Concatenate fillets."""
+        """Join several sets of fillets."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
         return cls(**columns, pair=pair)
 
 
-def fitting_fillets(corners: Corners, radius: float) -> Fillets:
-    """Return arcs for all corners: first where a disc of that radius stops, then smaller arcs that fit between the
-    walls.
+def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
+    """Return arcs for corners of openings: first where a disc of a radius (metres) stops, then smaller arcs elsewhere.
 
-    Corners without a fitting arc are left out.
+    Corners without room for an arc are left out.
     """
-    accepted, taken = list[Fillets](), list[Stretches]()
-    for tips, arcs in rolled_arcs(corners, radius, taken):
+    corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
+    for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
             for earlier in taken:
                 free = ~tips.stretches(arcs).overlaps(earlier, len(tips.first))
@@ -241,12 +228,12 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Chords in space for arcs at corners, and a mask of arcs with neither another wall nor an end beyond them."""
-    surface, walls, void_neighbours = corners.sheet.surface, corners.walls, corners.sheet.void_neighbours
+    """Chords in space for arcs at corners, and a mask of the arcs that reach no further wall and no edge."""
+    walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
     distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[corner_rows])
-    arc, cell = np.arange(len(corner_rows)), walls.inside[corners.first[corner_rows]] // 3
+    arc, cell = np.arange(len(corner_rows)), walls.void_cells[corners.first[corner_rows]]
     ray, ray_distance = np.zeros((len(corner_rows), 2, 3)), np.ones((len(corner_rows), 2))
     if rays:
         flat, ray_distance = arcs.rays()
@@ -281,18 +268,16 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner, in its plane, than their feet.
+    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner than their feet, in its plane.
 
-    At a fold the void may turn back under itself and lie beyond a chord again. Without this test an arc would fill the
-    opening all along the fold.
+    At a fold the void may turn back and lie beyond a chord again. There an arc would fill the opening along the fold.
     """
-    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    surface, (arc, cell) = corners.walls.surface, fillets.pair.T
     reach = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
     def beyond_reach(arc: Ints, X: Floats) -> Bools:
-        flat = np.einsum(
-            "p...i,pji->p...j", X - corners.origin[corner_rows[arc]][:, None], corners.frames[corner_rows[arc]]
-        )
+        row = corner_rows[arc]
+        flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
     far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells always pass
@@ -315,35 +300,30 @@ GOLDEN = (5**0.5 - 1) / 2
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """Round the corners of the openings of a sheet; return also the radius (k,) of each fillet, metres.
+    """Round the corners of the openings of a sheet without pinches; return also the radius (k,) of each fillet, metres.
 
-    sheet  : all cells, material and void, without pinches.
-    radius : metres; smaller at corners without room for it. The arc lies in the plane that touches the surface at the
-             corner, exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a
-             disc of that radius stops before several corners, one arc rounds them all.
+    radius : metres; smaller at corners without room. The arc lies in the plane that touches the surface at the corner,
+             exact to a 20th of its radius. Corners that turn by under 20 degrees stay. At a blunt tip, where a disc of
+             that radius stops before several corners, one arc rounds all of these.
 
-    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc,
-    on
-    cells that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius
-    that
-    is not a length."""
+    The function only adds material, with the family of the member before the corner. A corner stays sharp if its arc
+    would touch material in a point, because cells are coarse. Raises PatternError for a radius that is not a length."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
-    corners = Corners.from_sheet(sheet)
-    if not len(corners.walls.start):
+    if not len(sheet.walls.start):
         return sheet, np.empty(0)
-    fillets = fitting_fillets(corners, radius)
+    fillets = fitting_fillets(sheet, radius)
     while fillets.count:
-        rounded = _with_fillets(corners, fillets)
-        clear = _clear_of_points(corners, fillets, rounded.surface.V[pinched_vertices(rounded)])
+        rounded = _with_fillets(sheet, fillets)
+        clear = _clear_of_points(sheet, fillets, rounded.surface.V[pinched_vertices(rounded)])
         if clear.all():
             return rounded, fillets.radius
         fillets = fillets.subset(clear)
     return sheet, np.empty(0)
 
 
-def _clear_of_points(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
-    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+def _clear_of_points(sheet: Sheet, fillets: Fillets, X: Floats) -> Bools:
+    surface, (arc, cell) = sheet.surface, fillets.pair.T
     box, margin = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
     clear = np.ones(fillets.count, dtype=bool)
     for x in X:
@@ -351,31 +331,28 @@ def _clear_of_points(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
     return clear
 
 
-def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
-    sheet, surface = corners.sheet, corners.sheet.surface
-    recut = Recut.from_cells(sheet, fillets.pair[:, 1])
-    which, lines = recut.cells, sheet.lines.with_more(LineKind.FILLET, fillets.count, circle=fillets.circle)
-    mesh = replace(recut.mesh, lines=lines)
-    corner = np.searchsorted(recut.vertices, corners.walls.start[fillets.wall])
-    family = sheet.family[corners.walls.outside[fillets.wall] // 3]
-    arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
-    colour, root = _colours(arc, mesh.cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
+def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
+    arc, cell = fillets.pair.T
+    mesh, source = recut_polygons(sheet, cell)
+    mesh = replace(mesh, lines=sheet.lines.with_more(LineKind.FILLET, fillets.count, circle=fillets.circle))
+    corner = np.searchsorted(np.unique(sheet.surface.F[source]), sheet.walls.start[fillets.wall])
+    family = sheet.family[sheet.walls.material_cells[fillets.wall]]
+    colour = _colours(arc, mesh.cells.corner.reshape(-1, 3)[np.searchsorted(source, cell)])
     for group in range(int(colour.max()) + 1):
-        arc_of_cell = np.full(len(which), -1)
+        arc_of_cell = np.full(sheet.surface.m, -1)
         pairs = colour[arc] == group
         arc_of_cell[cell[pairs]] = arc[pairs]
-        mesh, source, filled_in = _filled_corners(mesh, arc_of_cell[root], fillets, corner, surface.size)
-        root = root[source]
-        mesh.family[filled_in] = family[arc_of_cell[root[filled_in]]]
-    return recut.merged_sheet(mesh, root)
+        mesh, rows, filled_in = _filled_corners(mesh, arc_of_cell[source], fillets, corner, sheet.surface.size)
+        source = source[rows]
+        mesh.family[filled_in] = family[arc_of_cell[source[filled_in]]]
+    return with_polygons(sheet, mesh, source)
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """(k,) arcs in groups; cells of two arcs of a group have no vertex in common.
+    """(k,) the group of each arc, such that cells of two arcs of a group have no vertex in common.
 
     arc : (p,) arc of each cell, and corner : (p, 3) the cell's vertices. Each round takes the arcs that come first, in
-          a
-    scattered order, at all their vertices, so that few rounds are needed."""
+    a scattered order, at all their vertices, so that few rounds are needed."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -394,7 +371,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """The polygons cut along the chords of an arc (c,) each, -1 for none; the old polygons, and a mask of those to
+    """Cut polygons along the chords of their arcs (c,), -1 for none; return the mesh, old polygons, and polygons to
     fill.
 
     corner : (k,) the vertex that each arc rounds.    size : of the surface, metres.
@@ -424,7 +401,9 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """(n',) metres of active polygons' vertices beyond a plane (k, 3), (k,) of their arc (c,); 0 under `snap` (k,)."""
+    """(n',) metres beyond a plane (k, 3), (k,) of the arc (c,) of each active polygon, at its vertices; 0 under
+    `snap` (k,).
+    """
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

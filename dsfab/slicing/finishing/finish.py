@@ -1,4 +1,16 @@
-"""Finishing: the passes over a cut surface, from loose ends of stripes to round corners, and trial cuts."""
+"""Finishing: all passes over a cut surface in order, from loose ends of stripes to the shape of cells; and trial cuts.
+
+polygons                                cells
+--------                                -----
+ends        join stripes at a node      pinches   join or split point contacts
+closed      close marked openings       filled    fill small openings and crumbs
+loose_ends  cut stripes back            merged    fill slits, also after walls are faired
+stubs       remove stripes to a node    bridged   bridge necks
+bars        straighten bent bars        spikes    cut off teeth
+                                        rounded   round corners; bridge and widen where that leaves too little
+                                        widths    keep least widths of openings and members
+                                        improved  flip and collapse edges
+"""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -9,9 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dsfab.core.arrays import Bools, Floats
-from dsfab.slicing.cutting.cut import Field, adjacent_faces, checked_lines, cut_polygons, sheet_of
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy
+from dsfab.core.arrays import Floats
+from dsfab.slicing.cutting.cut import Field, checked_lines, polygons_along, sheet_of
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import Sheet
 from dsfab.slicing.finishing.fairing import divided_walls, faired_walls
 from dsfab.slicing.finishing.fillets import rounded_corners
@@ -22,17 +34,20 @@ from dsfab.slicing.finishing.least_widths import (
     widened_members,
     with_least_widths,
 )
-from dsfab.slicing.finishing.loose_ends import with_closed_openings, with_meeting_ends, without_loose_ends
+from dsfab.slicing.finishing.loose_ends import Tidy, with_closed_openings, with_meeting_ends, without_loose_ends
+from dsfab.slicing.finishing.mesh_quality import improve_cells
 from dsfab.slicing.finishing.openings import Merging, filled_crumbs, filled_openings, filled_slits
 from dsfab.slicing.finishing.point_contacts import Rule, resolve_pinches
 from dsfab.slicing.finishing.spikes import without_spikes
 from dsfab.slicing.finishing.straight_bars import with_straight_bars
 from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
-from dsfab.surface.fields import CornerField
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Rounding and bridging repeat at most ROUNDING_ROUNDS times; gaps under BRIDGED_SHARE of a neck get a bridge."""
+"""Rounding and bridging repeat at most ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE of a neck get a bridge."""
+
+PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
+"""A pass before the polygons are filled with triangles: it returns all polygons, and the number of changed details."""
 
 
 def tidied_sheet(
@@ -52,39 +67,39 @@ def material_area(
 def tidied_polygons(
     surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does; join, close, remove and straighten loose ends, unless `tidy` is None."""
-    mesh = cut_polygons(surface, fields, levels, snap, tidy)
+    """Cut a surface as `cut_polygons` does, and run all `polygon_passes`, unless `tidy` is None."""
+    values, lines = checked_lines(surface, fields, levels)
     if not tidy:
-        return mesh
-    mesh = with_meeting_ends(mesh, fields, checked_lines(surface, fields, levels)[1])
-    nodes = _nodes(mesh)
-    mesh = without_loose_ends(with_closed_openings(mesh, tidy.closed), tidy)
-    mesh, stubs = without_stubs(mesh, nodes, tidy)
-    mesh, bars = with_straight_bars(mesh, _nodes(mesh), _near_singular(mesh, surface, fields), tidy, surface.size)
-    return replace(mesh, stubs=stubs + bars)
+        return polygons_along(surface, fields, values, lines, snap)
+    mesh, counts = polygons_along(surface, fields, values, lines, snap, tidy.divided_again), Counter[str]()
+    for name, run in polygon_passes(surface, fields, lines, tidy):
+        mesh, counts[name] = run(mesh)
+    return replace(mesh, stubs=counts["stubs"] + counts["bars"])
 
 
-def _nodes(mesh: PolygonMesh) -> Bools:
-    return np.asarray((mesh.also == mesh.family) & ~mesh.void)
-
-
-def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of polygons beside faces where the polygon's field has no phase; void polygons have any value."""
-    blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
-    near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
-    return np.asarray(near_blank[mesh.family, mesh.parent])
+def polygon_passes(
+    surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
+) -> Iterator[tuple[str, PolygonPass]]:
+    """Yield the passes over the polygons of a cut along lines of fields, in order, each with the name of its count."""
+    yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
+    yield "closed", partial(with_closed_openings, closed=tidy.closed)
+    yield "loose_ends", partial(without_loose_ends, tidy=tidy)
+    yield "stubs", partial(without_stubs, tidy=tidy)
+    yield "bars", partial(with_straight_bars, surface=surface, fields=fields, tidy=tidy)
 
 
 class FinishingOptions(NamedTuple):
     """Options of finishing; lengths in metres.
 
     snap, pinch : as in [slicing].    thickness : of the sheet.
-    sized   : whether the preset sets the smallest opening.
-    opening : smaller openings are filled; 0 for none.
-    merge   : slits to fill. Without any, necks, rounded openings and members stay as they are.
-    neck    : openings with a narrower neck get a bridge; 0 for none.
-    fillet  : radius of round corners, or 0.
-    member  : members narrower than this between round corners become wider; 0 for none."""
+    sized     : whether the preset sets the smallest opening.
+    opening   : smaller openings are filled; 0 for none.
+    merge     : slits to fill. Without any, necks, rounded openings and members stay as they are.
+    neck      : openings with a narrower neck get a bridge; 0 for none.
+    fillet    : radius of round corners, or 0.
+    member    : members narrower than this between round corners become wider; 0 for none.
+    least     : least widths of openings and of members; 0 for no limit.
+    tolerance : largest move of the edges of stripes when cells are improved; None for cells as they are."""
 
     snap: float
     pinch: Rule
@@ -95,23 +110,34 @@ class FinishingOptions(NamedTuple):
     neck: float
     fillet: float
     member: float = 0.0
+    least: tuple[float, float] = (0.0, 0.0)
+    tolerance: float | None = None
 
     @property
     def rounded_neck(self) -> float:
-        """Metres below which openings with round corners are bridged, except tips; 0 for none."""
         return BRIDGED_SHARE * self.neck if self.fillet and self.merge != "none" else 0.0
+
+    @property
+    def of_trial(self) -> "FinishingOptions":
+        """The options that a trial cut depends on."""
+        return self._replace(member=0.0, least=(0.0, 0.0), tolerance=None)
 
 
 @dataclass(frozen=True, eq=False)
 class FinishedSheet:
     """All cells after some passes.
 
-    counts : numbers of details that passes changed, by the names of the passes.
-    radii  : (k,) radii of the round corners, metres."""
+    counts    : numbers of details that passes changed, by the names of the passes.
+    radii     : (k,) radii of the round corners, metres.
+    unwidened : the cells before least widths, if that pass ran.
+    shape     : a sentence about the shape of the cells before and after their improvement, or "".
+    """
 
     cells: Sheet
     counts: Counter[str] = field(default_factory=Counter)
     radii: Floats = field(default_factory=lambda: np.empty(0))
+    unwidened: Sheet | None = None
+    shape: str = ""
 
     def with_cells(self, cells: Sheet, **counts: int) -> "FinishedSheet":
         """Return the cells after a pass, with more counts."""
@@ -123,29 +149,65 @@ class FinishedSheet:
         return float(self.cells.surface.areas[self.cells.material].sum())
 
 
-Pass = Callable[[Sheet], tuple[Sheet, int]]
-"""A step of finishing: it returns all cells, and the number of details that it changed."""
+Pass = Callable[[FinishedSheet], FinishedSheet]
+"""A pass over the cells: it returns all cells, and adds the numbers of details that it changed to the counts."""
 
 
-def passes(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes that precede the rounding of corners, in order, each with the name of its count in the notes."""
+def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
+    """Finish the cells of a cut from the surface `uncut` by all `passes`.
+
+    trial : the trial cut with these cells, if it exists: its passes are not repeated.
+    """
+    sheet = FinishedSheet(cells)
+    for _, run in passes(uncut, options, trial):
+        sheet = run(sheet)
+    return sheet
+
+
+def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
+    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that it
+    contains.
+    """
+    if trial:
+        unrounded = trial.unrounded
+        yield "trial", lambda _: unrounded
+    else:
+        yield from passes_before_rounding(options)
+    if options.fillet:
+        yield "rounded", partial(_with_round_corners, options=options, trial=trial)
+    if any(options.least):
+        yield "widths", partial(_with_least_widths, uncut=uncut, options=options, trial=trial)
+    if options.tolerance is not None:
+        yield "improved", partial(_with_better_cells, uncut=uncut, tolerance=options.tolerance)
+
+
+def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
+    """Yield the passes that precede the rounding of corners, in order, each with the name of its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits
-    yield "pinches", partial(_without_pinches, options=options)
+    yield _counting_pass("pinches", partial(_without_pinches, options=options))
     if opening and not slits_first:
-        yield "filled", partial(filled_openings, size=opening)
+        yield _counting_pass("filled", partial(filled_openings, size=opening))
     if merges:
-        yield "merged", partial(filled_slits, merge=merge)
+        yield _counting_pass("merged", partial(filled_slits, merge=merge))
     if opening and slits_first:
-        yield "filled", partial(filled_openings, size=opening, alike=True)
+        yield _counting_pass("filled", partial(filled_openings, size=opening, alike=True))
     if opening and not options.sized:
-        yield "filled", filled_crumbs
+        yield _counting_pass("filled", filled_crumbs)
     if options.neck and merges:
-        yield "bridged", partial(bridged_necks, width=options.neck)
+        yield _counting_pass("bridged", partial(bridged_necks, width=options.neck))
     if merges:
         # because fairing opens or closes thin slits
-        yield "merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge)
-        yield "spikes", without_spikes
+        yield _counting_pass("merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge))
+        yield _counting_pass("spikes", without_spikes)
+
+
+def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> tuple[str, Pass]:
+    def run(sheet: FinishedSheet) -> FinishedSheet:
+        cells, count = change(sheet.cells)
+        return sheet.with_cells(cells, **{name: count})
+
+    return name, run
 
 
 def _without_pinches(cells: Sheet, options: FinishingOptions) -> tuple[Sheet, int]:
@@ -154,34 +216,23 @@ def _without_pinches(cells: Sheet, options: FinishingOptions) -> tuple[Sheet, in
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
-    """Finish the cells of a cut by all `passes`, without round corners."""
+    """Finish the cells of a cut by all `passes_before_rounding`."""
     sheet = FinishedSheet(cells)
-    for name, run in passes(options):
-        changed_cells, count = run(sheet.cells)
-        sheet = sheet.with_cells(changed_cells, **{name: count})
+    for _, run in passes_before_rounding(options):
+        sheet = run(sheet)
     return sheet
 
 
-def finish(cells: Sheet, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
-    """Finish the cells of a cut by all `passes`, and round their corners.
-
-    trial : the trial cut with these cells, if it exists: its steps are not repeated.
-    """
-    if trial and trial.bridged and trial.options == options:
+def _with_round_corners(
+    sheet: FinishedSheet, options: FinishingOptions, trial: "TrialCut | None" = None
+) -> FinishedSheet:
+    """Round corners, and repeat with bridges and wider members where the result is too narrow."""
+    if trial and trial.bridged and trial.options.member == options.member:
         return trial.bridged
-    sheet = trial.unrounded if trial else unrounded_sheet(cells, options)
-    return _rounded_sheet(sheet, options, trial.rounded if trial else None) if options.fillet else sheet
-
-
-def _rounded_sheet(sheet: FinishedSheet, options: FinishingOptions, first: FinishedSheet | None) -> FinishedSheet:
-    """Round corners, and repeat where the result is too narrow.
-
-    first : the first result, if it exists.
-    """
-    previous_count = sheet.cells.surface.m
+    first_rounded, previous_count = trial.rounded if trial else None, sheet.cells.surface.m
     for attempt in range(ROUNDING_ROUNDS + 1):
-        rounded = first or _rounded_once(sheet, options)
-        first = None
+        rounded = first_rounded or _rounded_once(sheet, options)
+        first_rounded = None
         if attempt == ROUNDING_ROUNDS:
             break
         better, bridges, places = _bridged_or_widened(sheet.cells, rounded.cells, options)
@@ -193,7 +244,7 @@ def _rounded_sheet(sheet: FinishedSheet, options: FinishingOptions, first: Finis
 
 def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSheet:
     cells, radii = rounded_corners(sheet.cells, options.fillet)
-    # round corners narrow the openings
+    # because round corners narrow the openings
     cells, merged = filled_slits(cells, options.merge) if options.merge != "none" and len(radii) else (cells, 0)
     return replace(sheet.with_cells(cells, merged=merged), radii=radii)
 
@@ -211,9 +262,33 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
     return better, 0, places
 
 
+def _with_least_widths(
+    sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
+) -> FinishedSheet:
+    """Widen narrow places. New strips leave needles with tiny edges, which ruin finite elements, so cells are
+    improved.
+    """
+    if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
+        result = trial.least[1]
+    else:
+        result = with_least_widths(sheet.cells, *options.least, options.merge, options.rounded_neck)
+    cells = improve_cells(result.cells, uncut).sheet if result.bridged or result.widened else result.cells
+    closed = result.filled + result.bridged
+    finished = sheet.with_cells(
+        cells, closed=closed, thickened=result.widened, narrowed=result.merged, necks=result.necks
+    )
+    return replace(finished, unwidened=sheet.cells)
+
+
+def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -> FinishedSheet:
+    better = improve_cells(sheet.cells, uncut, tolerance)
+    finished = sheet.with_cells(better.sheet, flips=better.flips, collapses=better.collapses)
+    return replace(finished, shape=better.summary)
+
+
 @dataclass(frozen=True, eq=False)
 class TrialCut:
-    """The cut of a pattern from the search for its widths: slicing with the same options continues from it.
+    """The cut of a pattern from the search for its widths. Slicing with the same options continues from this cut.
 
     inputs  : fields, levels and tidy of the pattern.    cells : as they were cut.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
@@ -236,16 +311,16 @@ class TrialCut:
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether this is the cut along these fields, levels and tidy, by identity."""
+        """Return whether these fields, levels and tidy are the same objects as those of this cut."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:
-        """Return whether the program would cut and finish a pattern with these inputs and options in the same way."""
-        return self.is_cut_of(inputs) and options._replace(member=0.0) == self.options._replace(member=0.0)
+        """Return whether a pattern with these inputs and options would be cut and finished in the same way."""
+        return self.is_cut_of(inputs) and options.of_trial == self.options.of_trial
 
     @property
     def latest(self) -> FinishedSheet:
-        """The sheet after the latest step of finishing, except least widths."""
+        """The sheet after the latest pass of finishing, except least widths."""
         return self.bridged or self.rounded or self.unrounded
 
     @property
@@ -265,20 +340,10 @@ class TrialCut:
 
     def with_bridges(self) -> "TrialCut":
         """Return the trial cut with bridges where gaps are too narrow between rounded members."""
-        bridged = _rounded_sheet(self.unrounded, self.options, self.rounded) if self.rounded else None
-        return replace(self, bridged=bridged)
+        return replace(self, bridged=_with_round_corners(self.unrounded, self.options, self)) if self.rounded else self
 
     def with_least_widths(self, gap: float, member: float) -> "TrialCut":
         """Return the trial cut with least widths, metres, of openings and members."""
-        return replace(self, least=((gap, member), least_widths_of(self.latest.cells, gap, member, self.options, self)))
-
-
-def least_widths_of(
-    cells: Sheet, gap: float, member: float, options: FinishingOptions, trial: TrialCut | None = None
-) -> LeastWidths:
-    """Return finished cells with least widths, metres, of openings and members, see `with_least_widths`.
-
-    trial : a trial cut of the same cells and widths already holds the result."""
-    if trial and trial.latest.cells is cells and trial.least and trial.least[0] == (gap, member):
-        return trial.least[1]
-    return with_least_widths(cells, gap, member, options.merge, options.rounded_neck)
+        options = self.options
+        widened = with_least_widths(self.latest.cells, gap, member, options.merge, options.rounded_neck)
+        return replace(self, least=((gap, member), widened))

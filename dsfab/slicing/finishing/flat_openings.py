@@ -8,27 +8,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet, face_subset
-from dsfab.slicing.finishing.opening_corners import TINY, unit
-from dsfab.slicing.finishing.walls import Walls, next_in_chains
-from dsfab.surface import NearestPlaces, nearest_places, pieces
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
+from dsfab.core.derived import derived
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.walls import next_in_chains
+from dsfab.slicing.finishing.opening_corners import TINY
+from dsfab.surface import NearestPlaces, nearest_places
 
 if TYPE_CHECKING:
     import manifold3d
 
 
 SMOOTH = 1e-3
-"""Shorter steps of an offset shape, as a share of the offset, are rounding errors."""
+"""Steps of an offset shape below this share of the offset are rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
-    """The enclosed openings, each projected to its mean plane.
+    """The enclosed openings of a sheet, each projected to its mean plane; see `flat_openings_of`.
 
-    wall  : (w',) their walls.    chain : (w',) the chain of each wall, renumbered.    after : (w',) the next wall in
-            it.
-    start : (w', 2) start points, metres.    frame : (w', 2, 3) unit vectors of the plane.
+    wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, renumbered.
+    after : (k,) the next wall in the chain.
+    start : (k, 2) start points, metres.    frame : (k, 2, 3) unit vectors of the plane.
     """
 
     wall: Ints
@@ -36,29 +37,6 @@ class FlatOpenings:
     after: Ints
     start: Floats
     frame: Floats
-
-    @classmethod
-    def from_sheet(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
-        """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
-        void, face = face_subset(sheet.surface, ~sheet.material)
-        count, label = pieces(void.F, void.edges)
-        opening = np.empty(sheet.surface.m, dtype=np.int64)
-        opening[face] = label
-        opening_of_wall = opening[walls.inside // 3]
-        is_closed = np.ones(count, dtype=bool)
-        is_closed[opening_of_wall[~walls.closed[walls.chain]]] = False
-        wall = np.flatnonzero(is_closed[opening_of_wall])
-        opening_of_wall = opening_of_wall[wall]
-        frame = _mean_planes(void.normals * void.areas[:, None], label, count)[opening_of_wall]
-        start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
-        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
-        np.minimum.at(low, opening_of_wall, start)
-        np.maximum.at(high, opening_of_wall, start)
-        size = float(np.max((high - low)[is_closed], initial=0.0))
-        across = int(np.ceil(np.sqrt(count)))
-        place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
-        chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
-        return cls(wall, chain, next_in_chains(chain), start - low[opening_of_wall] + place[opening_of_wall], frame)
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
@@ -69,16 +47,15 @@ class FlatOpenings:
         return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
 
     def room(self, radius: float) -> "manifold3d.CrossSection":
-        """The middles of all discs of a radius, metres, that lie inside."""
+        """The region of the middles of all discs of a radius, metres, that lie inside."""
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return for points (p, 2) the nearest walls (p,), by place in `wall`, and the share of each before the
-        nearest point."""
-        nearest_places = self._nearest(points)
-        start, finish = self.start[nearest_places.simplex], self.start[self.after[nearest_places.simplex]]
+        """Return the places (p,) in `wall` of the walls nearest to points (p, 2), and the shares (p,) up to there."""
+        nearest = self._nearest(points)
+        start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
-        return nearest_places.simplex, np.clip(np.linalg.norm(nearest_places.place[:, :2] - start, axis=1) / size, 0, 1)
+        return nearest.simplex, np.clip(np.linalg.norm(nearest.place[:, :2] - start, axis=1) / size, 0, 1)
 
     def distance(self, points: Floats) -> Floats:
         """(p,) metres from points (p, 2) to the nearest wall."""
@@ -86,6 +63,30 @@ class FlatOpenings:
 
     def _nearest(self, points: Floats) -> NearestPlaces:
         return nearest_in_plane(points, self.start, np.stack([np.arange(len(self.wall)), self.after], axis=1))
+
+
+@derived
+def flat_openings_of(sheet: Sheet) -> FlatOpenings:
+    """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
+    walls, void, (count, label) = sheet.walls, sheet.void_part, sheet.void_part.surface.pieces
+    opening = np.empty(sheet.surface.m, dtype=np.int64)
+    opening[void.cells] = label
+    opening_of_wall = opening[walls.void_cells]
+    is_closed = np.ones(count, dtype=bool)
+    is_closed[opening_of_wall[~walls.closed[walls.chain]]] = False
+    wall = np.flatnonzero(is_closed[opening_of_wall])
+    opening_of_wall = opening_of_wall[wall]
+    frame = _mean_planes(void.surface.normals * void.surface.areas[:, None], label, count)[opening_of_wall]
+    start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
+    low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+    np.minimum.at(low, opening_of_wall, start)
+    np.maximum.at(high, opening_of_wall, start)
+    size = float(np.max((high - low)[is_closed], initial=0.0))
+    across = int(np.ceil(np.sqrt(count)))
+    place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
+    chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
+    start = start - low[opening_of_wall] + place[opening_of_wall]
+    return FlatOpenings(wall, chain, next_in_chains(chain), start, frame)
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
@@ -101,19 +102,18 @@ def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.Cro
 
 
 def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
-    mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
-    first_axis = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
+    mean = unit_vectors(group_sums(label, normal, count))
+    first_axis = unit_vectors(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
     return np.stack([first_axis, np.cross(mean, first_axis)], axis=1)
 
 
 LONG, BULKY = 4.0, 0.7
-"""Least length of a blind alley, in radii, and least share of the area of a strip as wide as its mouth."""
+"""Limits for a blind alley: least length, in radii, and least area, as a share of a strip as wide as its mouth."""
 
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A part of an opening: its outline (k, 2), metres, and the runs of the outline on walls, (r, 2) each, between
-    arcs.
+    """A part of an opening: its outline (k, 2), metres, and the runs (r, 2) of the outline on walls, between arcs.
 
     An opening without any room has no runs.
     """
@@ -130,12 +130,12 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
 
-    A blind alley has two runs near its mouth. The function leaves out short tips, and parts that go around something,
-    because either all sides of such a part have room or none."""
+    A blind alley has two runs near its mouth. The function leaves out short tips, and ring-shaped parts, because
+    either all sides of a ring have room or none."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
-    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller: rounding errors
+    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # the rest are rounding errors
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
@@ -153,7 +153,6 @@ def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
 
 
 def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length: float) -> Ints:
-    """Outlines that are long, wholly on walls, or on walls in several runs, with starts (k,) in points (p, 2)."""
     before = np.arange(len(points)) - 1
     before[start] = np.append(start[1:], len(points)) - 1
     runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
@@ -163,7 +162,7 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Stretches of the outline between its arcs, whose ends are at least `wide` apart; at least one point each."""
+    """Stretches of the outline between arcs whose ends are at least `wide` metres apart."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here
@@ -178,7 +177,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """True if the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
+    """Return whether the wall (r, 2) around a tip encloses a long strip whose sides do not close to a point."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -187,7 +186,7 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _mouth_sides(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """The stretches (s, 2) of the wall (r, 2) around a blind alley near its mouth, one on each side."""
+    """The stretches (s, 2) of the wall (r, 2) on both sides of the mouth of a blind alley."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
     low, high = 1.2 * radius, 3.2 * radius  # distances from the mouth, along the walls
     sides = []
@@ -201,10 +200,9 @@ def _nearest_points(line_a: Floats, line_b: Floats) -> Floats:
     candidates = []
     for points, line, turned in ((line_a, line_b, False), (line_b, line_a, True)):
         simplex = np.arange(len(line))[:, None]
-        nearest_places = nearest_in_plane(
-            points, line, simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]])
-        )
-        k = int(nearest_places.squared.argmin())
-        pair = np.stack([points[k], nearest_places.place[k, :2]])
-        candidates.append((float(nearest_places.squared[k]), pair[::-1] if turned else pair))
+        edges = simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]])
+        nearest = nearest_in_plane(points, line, edges)
+        k = int(nearest.squared.argmin())
+        pair = np.stack([points[k], nearest.place[k, :2]])
+        candidates.append((float(nearest.squared[k]), pair[::-1] if turned else pair))
     return min(candidates, key=lambda each: each[0])[1]

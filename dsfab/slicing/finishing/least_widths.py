@@ -1,83 +1,79 @@
-"""Least widths for a workshop: narrow members widened, narrow necks of openings bridged or filled."""
+"""Least widths for a workshop: strips widen narrow members, and bridges or fillings remove narrow necks of openings."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, positions_on_segments
-from dsfab.slicing.cutting.sheet import Sheet, face_subset, inner_walls, weighted_medians
-from dsfab.slicing.finishing.flat_openings import FlatOpenings, narrow_parts
+from dsfab.core.arrays import Bools, Floats, Ints, positions_on_segments
+from dsfab.slicing.cutting.sheet import Sheet, SheetPart, weighted_medians
+from dsfab.slicing.cutting.walls import Walls
+from dsfab.slicing.finishing.flat_openings import flat_openings_of, narrow_parts
 from dsfab.slicing.finishing.openings import SNAP as OPENINGS_SNAP
-from dsfab.slicing.finishing.openings import Merging, Openings, Strip, filled_slits, with_strips
-from dsfab.slicing.finishing.walls import Walls
+from dsfab.slicing.finishing.openings import Merging, Strip, filled_slits, openings_of, with_filled, with_strips
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
 LOCAL = 0.8
-"""A member is narrow if its width is below this share of the median width of all members."""
+"""A member is narrow if its width is below this share of the median width."""
 NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings narrower than `least` metres, the narrowest first, `apart` metres
-    apart.
+    """(k, 2, 3) points on both walls of openings under `least` metres, narrowest first, and `apart` metres apart.
 
-    tips : include gaps where walls close to a tip.    widest : the widest of these gaps first, the mouth of a tip.
+    tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip.
     """
     if not cells.has_openings:
         return NOWHERE
-    void, from_void = face_subset(cells.surface, ~cells.material)
-    across = crossings(void, inner_walls(void, cells.surface, from_void), tips=tips, reach=least)
-    return _narrowest(void, across, least, apart, widest)
+    void = cells.void_part
+    across = crossings(void.surface, void.walls, tips=tips, reach=least)
+    return _narrowest(void.surface, across, least, apart, widest)
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """Return points (k, 2, 3) on both sides of members between openings that are under `least` metres and narrow by
-    `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, under `least` metres and narrow by `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = face_subset(cells.surface, cells.material)
-    across = crossings(material, inner_walls(material, cells.surface, from_material))
-    usual = weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0]
-    return _narrowest(material, across, min(least, LOCAL * float(usual)), apart)
+    material = cells.material_part
+    across = crossings(material.surface, material.walls)
+    return _narrowest(material.surface, across, min(least, LOCAL * _median_width(across)), apart)
 
 
 def usual_width(cells: Sheet) -> float:
     """Median width of members along the walls of openings, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
-    material, from_material = face_subset(cells.surface, cells.material)
-    inner = inner_walls(material, cells.surface, from_material)
-    across = crossings(material, material.edges.boundary, inner, shares=(MIDDLE,))
+    return _median_width(_crossings_from_openings(cells.material_part, shares=(MIDDLE,)))
+
+
+def _median_width(across: Crossings) -> float:
     return float(weighted_medians(across.width, across.weight, np.zeros(len(across.width), dtype=np.int64), 1)[0])
 
 
+def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
+    return crossings(material.surface, material.surface.edges.boundary, material.walls, **options)
+
+
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members narrower than `least` metres, also between an opening and an edge."""
+    """(k, 2, 3) points on both sides of members under `least` metres, also of members between an opening and an
+    edge.
+    """
     if not cells.has_openings:
         return NOWHERE
-    material, from_material = face_subset(cells.surface, cells.material)
-    inner = inner_walls(material, cells.surface, from_material)
-    across = crossings(material, material.edges.boundary, inner, reach=least)
-    return _narrowest(material, across, least, apart)
+    across = _crossings_from_openings(cells.material_part, reach=least)
+    return _narrowest(cells.material_part.surface, across, least, apart)
 
 
 def _narrowest(part: Surface, across: Crossings, least: float, apart: float, widest: bool = False) -> Floats:
     narrow = np.flatnonzero(across.width < least)
     narrow = narrow[np.argsort(-across.width[narrow] if widest else across.width[narrow], kind="stable")]
-    start, (segment_start, segment_end) = (
-        across.place[narrow],
-        part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2),
-    )
-    ends = np.stack(
-        [
-            start,
-            segment_start
-            + positions_on_segments(start, segment_start, segment_end)[:, None] * (segment_end - segment_start),
-        ],
-        axis=1,
-    )
+    start = across.place[narrow]
+    wall_start, wall_end = part.V[part.edges.ends[across.walls[narrow, 1]]].transpose(1, 0, 2)
+    share = positions_on_segments(start, wall_start, wall_end)[:, None]
+    ends = np.stack([start, wall_start + share * (wall_end - wall_start)], axis=1)
     chosen, middles = list[int](), np.empty((0, 3))
     for k, middle in enumerate(ends.mean(axis=1)):
         if not (np.linalg.norm(middles - middle, axis=1) < apart).any():
@@ -87,7 +83,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
 
 
 REACH = 0.25
-"""Length of a bridge past its neck, in widths, because walls may be oblique."""
+"""Length of a bridge beyond its neck, in widths of the bridge, because walls may be oblique."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,15 +98,16 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
     """Bridge openings wherever they are narrower than `width` metres; return also the number of bridges.
 
     An opening that is narrower everywhere becomes material, and so does a small opening that a bridge cuts off.
-    Openings
-    at the edge of the surface stay, and so do tips, because `rounded_corners` rounds these."""
+    Openings at the edge of the surface stay. Tips stay, too, because `rounded_corners` rounds them."""
     count = 0
     for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
             break
-        walls = Walls.from_sheet(cells)
-        necks, lost = _necks_and_lost_openings(cells, walls, width)
-        cells, new_count = _with_bridges(_fill_openings(cells, lost), walls, necks, width)
+        necks, lost = _necks_and_lost_openings(cells, width)
+        bridges = _bridges(cells, necks, width)
+        cells = with_filled(cells, lost)
+        bridges = [bridge for bridge in bridges if not cells.material[bridge.cells[0]]]
+        cells, new_count = with_strips(cells, bridges, width)
         if not new_count:
             break
         count += new_count
@@ -118,8 +115,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings, `width` metres broad, that are under `least` metres in the `rounded` sheet; return also the
-    number.
+    """Bridge openings under `least` metres in the `rounded` sheet, `width` metres broad; return also the number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
     Therefore this function measures as `features` does."""
@@ -131,81 +127,67 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad, as many as possible at once; return the
-    number.
+    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad; return also the number of bridges.
 
-    snap : see `with_strips`.
+    One call builds as many bridges as possible.    snap : see `with_strips`.
     """
     if not len(places):
         return cells, 0
-    walls = Walls.from_sheet(cells)
-    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
+    wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     pairs = zip(ends.reshape(-1, 2, 3), wall.reshape(-1, 2).tolist(), strict=True)
     necks = [Neck(place, (wall_a, wall_b)) for place, (wall_a, wall_b) in pairs]
-    return _with_bridges(cells, walls, necks, width, snap)
+    return with_strips(cells, _bridges(cells, necks, width), width, snap)
 
 
-def _with_bridges(
-    cells: Sheet, walls: Walls, necks: list[Neck], width: float, snap: float = OPENINGS_SNAP
-) -> tuple[Sheet, int]:
-    bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
-    return with_strips(cells, bridges, width, snap)
-
-
-def _necks_and_lost_openings(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
-    """The necks of openings, and a void cell of each opening that is too narrow everywhere."""
-    flat = FlatOpenings.from_sheet(cells, walls)
-    necks, lost = [], list[int]()
+def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
+    """The necks of openings, and a mask (o,) of the openings that are too narrow everywhere."""
+    flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
+    assert openings is not None
+    necks, lost = [], np.zeros(openings.count, dtype=bool)
     for part in narrow_parts(flat, width / 2):
         if not part.runs:
-            lost.append(int(walls.inside[flat.wall[flat.nearest_walls(part.outline[:1])[0][0]]]) // 3)
+            cell = walls.void_cells[flat.wall[flat.nearest_walls(part.outline[:1])[0][0]]]
+            lost[openings.label[np.searchsorted(openings.void.cells, cell)]] = True
             continue
         number, share = flat.nearest_walls(part.narrowest())
         wall = flat.wall[number]
-        ends = walls.points(cells.surface.V, wall, share)
+        ends = walls.points(wall, share)
         if np.linalg.norm(ends[1] - ends[0]) < width:  # wider openings look narrow only in projection
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
 
-def _fill_openings(cells: Sheet, lost: list[int]) -> Sheet:
-    every = Openings.from_sheet(cells) if lost else None
-    if every is None:
-        return cells
-    to_fill = np.zeros(every.count, dtype=bool)
-    to_fill[every.label[np.searchsorted(every.face, lost)]] = True
-    return every.fill(to_fill)
-
-
-def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
-    """The strip between both walls of a neck; None if the strip would not end at the second wall."""
-    gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
-    half = np.array([gap / 2 + REACH * width, width / 2])
-    strip = Strip.between_walls(cells, walls, neck.walls[0], neck.ends, half)
-    return strip if strip is not None and int(walls.inside[neck.walls[1]]) // 3 in strip.cells else None
+def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
+    """The strips between both walls of necks, except strips that would not end at the second wall."""
+    bridges = []
+    for neck in necks:
+        half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
+        strip = Strip.from_wall(cells, neck.walls[0], neck.ends, half)
+        if strip is not None and cells.walls.void_cells[neck.walls[1]] in strip.cells:
+            bridges.append(strip)
+    return bridges
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members narrower than `least` metres in the `rounded` sheet; return also the number of places.
+    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of places.
 
-    A call makes only strips that do not touch each other.
+    A call adds only strips that do not touch each other.
     """
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
-    walls, half = Walls.from_sheet(cells), np.array([1.04 * least / 2, least / 2])
-    wall, ends = walls.nearest(cells.surface.V, narrow.reshape(-1, 3))
+    half = np.array([1.04 * least / 2, least / 2])
+    wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
-        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides)
-        strips += [strip for strip in side_strips if strip is not None]
+        strips += _strips_at(cells, sides, place, half)
     widened, count = with_strips(cells, strips, least)
     return widened, -(-count // 2)
 
 
 def _way_around(walls: Walls, wall: Ints) -> Floats:
-    """(k,) metres along the opening from one of two walls (k, 2) to the other; infinite between two openings."""
+    """(k,) metres along the opening between two walls (k, 2); infinite for walls of different openings."""
     chain, place = walls.chain[wall], walls.place[wall]
     direct = np.abs(place[:, 1] - place[:, 0])
     around = np.where(walls.closed[chain[:, 0]], np.minimum(direct, walls.total[chain[:, 0]] - direct), direct)
@@ -217,12 +199,13 @@ MOST_ROUNDS = 40
 TURNS = 6
 """Most rounds of widening and bridging, because wider members leave narrower openings."""
 SNAP = 0.05
-"""Vertices within this share of half a strip's width of its side move onto it: tiny edges ruin finite elements."""
+"""Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
+elements.
+"""
 
 
 class LeastWidths(NamedTuple):
-    """Cells, and numbers of filled openings, bridges, strips beside members, slits filled afterwards, and bridges
-    in necks."""
+    """Cells, and numbers of filled openings, bridges, strips beside members, filled slits, and bridges in necks."""
 
     cells: Sheet
     filled: int
@@ -235,20 +218,20 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """Remove openings under `gap` and members under `member`, metres, as far as added material can.
+    """Remove openings under `gap` and members under `member`, metres, as far as added material can; 0 for no limit.
 
-    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface. 0
-    switches a limit off.
+    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
 
     merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
-    neck  : metres; openings that widening leaves narrower get bridges, too.
+    neck  : metres; narrower openings that widening leaves get bridges, too.
     """
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0
     for _ in range(TURNS):
         cells, bridges = _with_bridged_gaps(cells, gap)
-        cells, strips = _with_wider_members(cells, member)
+        add_strips = partial(_with_side_strips, member=member)
+        cells, strips = _until_stable(add_strips, cells, MOST_ROUNDS if member else 0)
         bridged, widened = bridged + bridges, widened + strips
         if not strips:
             break
@@ -256,14 +239,15 @@ def with_least_widths(
         return LeastWidths(cells, filled, 0, 0)
     cells, specks = _without_specks(cells, gap)
     cells, merged = filled_slits(cells, merge) if merge != "none" else (cells, 0)
-    cells, necks = _without_necks(cells, neck)
+    cells, necks = _until_stable(lambda sheet: bridged_gaps(sheet, sheet, neck, neck), cells, TURNS if neck else 0)
     return LeastWidths(cells, filled + specks, bridged, widened, merged, necks)
 
 
-def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
+def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
+    """Change cells until a round changes nothing, or all rounds are over; return also the number of changes."""
     total = 0
-    for _ in range(TURNS if neck else 0):
-        cells, count = bridged_gaps(cells, cells, neck, neck)
+    for _ in range(rounds):
+        cells, count = change(cells)
         if not count:
             break
         total += count
@@ -271,10 +255,11 @@ def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
 
 
 def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:
-    every = Openings.from_sheet(cells) if gap else None
-    if every is None or not (small := every.hydraulic_diameters < gap).any():
+    openings = openings_of(cells) if gap else None
+    if openings is None:
         return cells, 0
-    return every.fill(small), int(small.sum())
+    small = openings.hydraulic_diameters < gap
+    return with_filled(cells, small), int(small.sum())
 
 
 def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
@@ -288,26 +273,19 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
     return cells, total
 
 
-def _with_wider_members(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    total = 0
-    for _ in range(MOST_ROUNDS if member else 0):
-        cells, count = _with_side_strips(cells, members_under(cells, member, 1.5 * member), member)
-        total += count
-        if not count:
-            break
-    return cells, total
-
-
-def _with_side_strips(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
-    """The cells with strips on both sides of members at points (k, 2, 3) on their walls, except surface edges; and
-    the number."""
-    if not len(places):
+def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
+    """Add strips on both sides of members at points (k, 2, 3), except at edges of the surface; and their number."""
+    if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    walls, half = Walls.from_sheet(cells), np.array([1.1 * member / 2, 1.5 * member])  # as walls are not parallel
-    wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # ends on walls
+    half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
+    wall, ends = cells.walls.nearest(places.reshape(-1, 3))
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # these ends lie on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
-        side_strips = (Strip.between_walls(cells, walls, side, place, half) for side in sides[on_wall].tolist())
-        strips += [strip for strip in side_strips if strip is not None]
+        strips += _strips_at(cells, sides[on_wall].tolist(), place, half)
     return with_strips(cells, strips, member, SNAP)
+
+
+def _strips_at(cells: Sheet, walls: list[int], place: Floats, half: Floats) -> list[Strip]:
+    strips = (Strip.from_wall(cells, wall, place, half) for wall in walls)
+    return [strip for strip in strips if strip is not None]

@@ -1,55 +1,92 @@
-"""Loose ends of stripes: cut back to the last crossing, joined at singular faces, or closed into material."""
+"""Loose ends of stripes: cut back to the last crossing, joined in faces without a phase, or closed into material."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, split_value
+from dsfab.core.arrays import Bools, Floats, Ints, lock, split_value
 from dsfab.slicing.cutting.cells import Cells, nearest_levels
-from dsfab.slicing.cutting.polygon_mesh import Contacts, PolygonMesh, Tidy
+from dsfab.slicing.cutting.cut import Field
+from dsfab.slicing.cutting.polygon_mesh import Contacts, PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import link_components
 from dsfab.surface.fields import CornerField
 
 
-def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMesh:
-    """Make openings material by field values.
+@dataclass(frozen=True, eq=False)
+class Tidy:
+    """Stripes that `tidied_polygons` may remove, so that later fields must divide these stripes, too.
+
+    striped : for each field True if it draws stripes; material of a field without stripes stays.
+    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
+    anchor  : (n,) vertices at which stripes may end: supports and loads.
+    closed  : for each field (n,) values or None: openings with a positive mean become material.
+    """
+
+    striped: tuple[bool, ...]
+    astray: tuple[Bools | None, ...]
+    anchor: Bools
+    closed: tuple[Floats | None, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock(self, "anchor", np.bool_, (None,))
+
+    def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
+        """(c,) stripes of field k that later fields must divide, because they meet a blank face (m,) or go astray."""
+        own_polygons = (mesh.family == k) | (mesh.also == k)
+        if not self.striped[k] or not own_polygons.any():
+            return np.zeros_like(own_polygons)
+        astray = self.astray[k]
+        suspect = blank if astray is None else blank | astray
+        suspect_vertices = np.zeros(len(mesh.X), dtype=bool)
+        suspect_vertices[mesh.cells.corner[suspect[mesh.face]]] = True
+        part = mesh.part_labels(own_polygons)
+        touched = own_polygons & mesh.cells.per_polygon(np.logical_or, suspect_vertices[mesh.cells.corner])
+        return np.asarray(own_polygons & np.isin(part, part[touched]))
+
+
+CLOSED = -2
+"""`PolygonMesh.also` of polygons in closed openings: stripes may end there, as at a crossing."""
+
+
+def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
+    """Make openings material by field values; return also their number.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
              with a positive mean over its area. Nearly equal openings close all or none.
     """
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
-        return mesh
+        return mesh, 0
     _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 stands for all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
-    family, also = mesh.family, mesh.also
+    family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
     for k, x in close_values.items():
         slot_values = (mesh.weights @ x)[mesh.cells.corner]
         mean = mesh.cells.per_polygon(np.add, slot_values) / mesh.cells.sizes
         means = np.divide(np.bincount(opening, area * mean), total, out=np.full(len(total), -np.inf), where=total > 0)
         closes = means > split_value(means[np.isfinite(means)], 0.0, tolerance=0.1)
         closed_polygons = (family == VOID) & closes[opening.ravel()]
-        family, also = (
-            np.where(closed_polygons, k, family),
-            np.where(closed_polygons, k, also),
-        )  # such an end is a joint, like a crossing
-    return replace(mesh, family=family, also=also)
+        family, also = np.where(closed_polygons, k, family), np.where(closed_polygons, CLOSED, also)
+        closed_openings |= closes
+    return replace(mesh, family=family, also=also), int(closed_openings.sum())
 
 
 CROSSING, KEPT, NODE = -1, -2, -3
 """Kinds of polygons besides the numbers of fields."""
 
 
-def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
-    """Remove parts of stripes that run across their direction; then remove, one after another, parts that lead
-    nowhere."""
+def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
+    """Remove parts of stripes that run across their direction, then parts that lead nowhere; return also their
+    number.
+    """
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
-    return replace(mesh, family=np.where(loose | islands, VOID, mesh.family))
+    removed = (loose | islands) & ~mesh.void
+    return replace(mesh, family=np.where(removed, VOID, mesh.family)), len(np.unique(part[removed]))
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
@@ -67,9 +104,7 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Part of each polygon (c,), also of nodes (c,); masks of the void parts (p,) and of those that always stay
-    (p,).
-    """
+    """The part (c,) of each polygon, with nodes (c,) as parts; masks (p,) of void parts and parts that always stay."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -84,10 +119,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
+    """Masks (c,) of polygons of removed parts and parts that then lead nowhere, and of polygons that this cuts off.
 
     stays : (p,) parts that always stay. Where a crossing has lost one member, the second member ends. So a part with a
-    single neighbour joins that neighbour if it is as short as wide, because it is not an end by itself."""
+    single neighbour joins this neighbour if the part is as short as wide, because it is not an end by itself.
+    """
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -110,8 +146,9 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
     return np.asarray(np.bincount(part, area * strays, count) > 0.3 * np.bincount(part, area, count))
 
 
-def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Sequence[Floats]) -> PolygonMesh:
-    """Turn void polygons into material where middles of stripes meet in faces without a phase.
+def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
+    """Make void polygons material where middles of stripes meet in faces without a phase; return also the number of
+    polygons.
 
     fields, levels : those of the cut, in order; only a `CornerField` has such faces.
     """
@@ -119,7 +156,7 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
     if not open_.any() and not _old_nodes(mesh, corner_fields).any():
-        return mesh
+        return mesh, 0
     gap = mesh.part_labels(open_)
     family, count = np.full(len(mesh.parent), VOID), np.zeros(int(gap.max()) + 2, dtype=np.int64)
     for k, field in corner_fields.items():
@@ -131,7 +168,13 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
     # a gap of more than six faces is a region without stripes, not a singular point
     node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
-    return _without_corners(replace(mesh, family=family, also=also), node | _old_nodes(mesh, corner_fields))
+    mesh = replace(mesh, family=family, also=also)
+    return _without_corners(mesh, node | _old_nodes(mesh, corner_fields)), int(node.sum())
+
+
+def nodes_of(mesh: PolygonMesh) -> Bools:
+    """(c,) mask of material where stripes end at a node, in faces without a phase."""
+    return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
@@ -144,8 +187,8 @@ def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bool
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
     """Blank polygons (q,) of a mask (c,) at which middles of field k end, and the vertex (q,) of each end.
 
-    An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices. Both
-    sides see such an end, and it counts once.
+    An end on a side has a unique number below 0 in place of a vertex. On the plane of a mirror, middles run through
+    vertices. The faces on both sides see such an end, and it counts once.
     """
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
@@ -155,18 +198,13 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     level = nearest_levels(z.ravel(), levels).reshape(z.shape)
-    on_level = np.abs(z - level) < 1e-6  # in periods; such a middle ends at the vertex
+    on_level = np.abs(z - level) < 1e-6  # in periods; a middle this near ends at the vertex
     low, high = np.sort(np.where(on_level, level, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
     polygon = np.concatenate([inside, *(owner[inner[at_vertex]] for at_vertex in on_level)])
-    vertex = np.concatenate(
-        [
-            -1 - np.arange(len(inside)),
-            *(corner[slot[at_vertex]] for slot, at_vertex in zip(slots, on_level, strict=True)),
-        ]
-    )
-    return polygon, vertex
+    at_vertices = (corner[slot[at_vertex]] for slot, at_vertex in zip(slots, on_level, strict=True))
+    return polygon, np.concatenate([-1 - np.arange(len(inside)), *at_vertices])
 
 
 def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Floats:
@@ -194,14 +232,8 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     order = np.argsort(source, kind="stable")  # this restores the order of parent faces
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
-    return replace(
-        mesh,
-        cells=every.subset(order),
-        parent=mesh.parent[source_polygon],
-        family=family,
-        also=also,
-        again=mesh.again[source_polygon],
-    )
+    parent, again = mesh.parent[source_polygon], mesh.again[source_polygon]
+    return replace(mesh, cells=every.subset(order), parent=parent, family=family, also=also, again=again)
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:

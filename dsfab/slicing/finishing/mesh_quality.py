@@ -1,17 +1,16 @@
-"""Quality of the triangles of a sheet, and its improvement by edge flips and edge collapses."""
+"""Quality of the triangles of a sheet, and its improvement by flips and collapses of edges."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, equal_key_groups
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, Sheet, weight_entries
 from dsfab.slicing.cutting.split import CELL_AREA
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import EdgeTable, edge_table, next_half_edge, on_boundary
+from dsfab.surface.topology import next_half_edge, on_boundary
 
 
 class Quality(NamedTuple):
@@ -39,43 +38,47 @@ def quality(surface: Surface) -> Quality:
     return Quality(float(angles[worst]), surface.centroids[worst], float((angles < 1).mean()), float(np.median(shape)))
 
 
+def least_angles(P: Floats, normals: Floats) -> Floats:
+    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
+    sides = np.roll(P, -1, axis=1) - P
+    back = -np.roll(sides, 1, axis=1)
+    twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
+    return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
+
+
 GAIN = 1.01
-"""Least factor by which a step must raise the smallest angle; rounding gives less."""
+"""Least factor by which a step must raise the smallest angle, because rounding errors alone give smaller gains."""
 
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """Cells F (m', 3) on places V (n', 3), the face and family (m',) of each, and the uncut surface.
+    """A sheet between two steps of its improvement, and the surface `uncut` that it was cut from.
 
-    normal  : (m, 3) unit normals of the uncut faces.    corner : (m, 3) their vertices.
-    support : (n', 3) the uncut vertices that each vertex lies between, -1 for missing ones.
     strayed : (n',) largest possible move of the stripe edges at a vertex so far, metres.
-    sides_on : (m', 3) the line of each half-edge, see `Sheet`.
     """
 
-    V: Floats
-    F: Ints
-    parent: Ints
-    family: Ints
-    normal: Floats
-    corner: Ints
-    support: Ints
+    sheet: Sheet
+    uncut: Surface
     strayed: Floats
-    sides_on: Ints
+
+    @property
+    def surface(self) -> Surface:
+        """The cells; collapsed vertices remain without cells."""
+        return self.sheet.surface
 
     @cached_property
-    def edges(self) -> EdgeTable:
-        """Every edge once, with the cells on it."""
-        return edge_table(self.F)
+    def support(self) -> Ints:
+        """(n', 3) the uncut vertices that each vertex lies between, -1 for missing ones."""
+        weights = self.sheet.weights
+        return np.where(np.arange(3) < np.diff(weights.indptr)[:, None], weight_entries(weights)[0], -1)
 
     @cached_property
     def keys(self) -> Ints:
-        """(e,) one number for each edge, ascending."""
-        return self.key(*self.edges.ends.T)
+        return self.key(*self.surface.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
         """(k,) the numbers of the edges between vertices a (k,) and b (k,), in any direction."""
-        return np.minimum(a, b) * len(self.V) + np.maximum(a, b)
+        return np.minimum(a, b) * len(self.surface.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
         """(k,) the edges between vertices a (k,) and b (k,), -1 for missing ones."""
@@ -87,24 +90,26 @@ class CellMesh:
     def lines(self) -> Bools:
         """(e,) edges on the boundary of the surface, or between cells of different families."""
         result = np.ones(len(self.keys), dtype=bool)
-        two = self.edges.count == 2
-        f, g = (self.edges.pairs // 3).T
-        result[two] = self.family[f] != self.family[g]
+        two = self.surface.edges.count == 2
+        f, g = (self.surface.edges.pairs // 3).T
+        result[two] = self.sheet.family[f] != self.sheet.family[g]
         return result
 
     @cached_property
     def outline(self) -> Bools:
         """(e,) edges between material and void."""
         result = np.zeros(len(self.keys), dtype=bool)
-        f, g = (self.edges.pairs // 3).T
-        result[self.edges.count == 2] = (self.family[f] == VOID) != (self.family[g] == VOID)
+        f, g = (self.surface.edges.pairs // 3).T
+        result[self.surface.edges.count == 2] = self.sheet.material[f] != self.sheet.material[g]
         return result
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the neighbours along lines; if a vertex has two, the second is the sum less the first."""
-        total = np.zeros(len(self.V), dtype=np.int64)
-        a, b = self.edges.ends[self.lines].T
+        """(n',) sum of the neighbours of each vertex along lines. With two neighbours, the second is this sum less
+        the first.
+        """
+        total = np.zeros(len(self.surface.V), dtype=np.int64)
+        a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
         np.add.at(total, b, a)
         return total
@@ -112,49 +117,44 @@ class CellMesh:
     @cached_property
     def smallest_angle(self) -> Floats:
         """(m',) the smallest angle of each cell."""
-        return self.angles(self.F, self.parent)
+        return self.angles(self.surface.F, self.sheet.parent)
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """(k,) the smallest angle of triangles in uncut faces, degrees; negative if turned over, 0 almost without
-        area.
-        """
-        P = self.V[F]
-        sides = np.roll(P, -1, axis=1) - P
-        back = -np.roll(sides, 1, axis=1)
-        twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), self.normal[parent])
-        angle = np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1)
-        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, angle)
+        """(k,) the smallest angle of triangles in uncut faces, degrees: negative if turned over, 0 without area."""
+        P, normals = self.surface.V[F], self.uncut.normals[parent]
+        twice = np.einsum("ki,ki->k", np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]), normals)
+        return np.where(np.abs(twice) <= 2 * self.least_area, 0.0, least_angles(P, normals))
 
     @cached_property
     def least_area(self) -> float:
         """Least area of a cell, square metres."""
-        return CELL_AREA * float(np.sum(np.ptp(self.V, axis=0) ** 2))
+        return CELL_AREA * float(np.sum(np.ptp(self.surface.V, axis=0) ** 2))
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """The cells around the vertices: those of vertex v are faces[start[v] : start[v + 1]].
-
-        faces : (3 m',).    start : (n' + 1,).
-        """
-        start = np.concatenate([[0], np.cumsum(np.bincount(self.F.ravel(), minlength=len(self.V)))])
-        return equal_key_groups(self.F.ravel())[0] // 3, start
+        """Cells (3 m',) and limits (n' + 1,): the cells around vertex v are faces[start[v] : start[v + 1]]."""
+        start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
+        return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Rows into `vertex` (k,), ascending, and the cells around it, one by one."""
+        """Rows into `vertex` (k,), ascending, and the cells around the vertex of each row."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
         begin = np.repeat(start[vertex] - np.concatenate([[0], np.cumsum(count)[:-1]]), count)
         return row, faces[begin + np.arange(len(row))]
 
-    def with_cells(self, F: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the marked cells (m',) with other vertices F (m', 3); strayed : (n',) metres."""
-        columns = {name: getattr(self, name)[keep] for name in ("parent", "family", "sides_on")}
-        return replace(self, F=F[keep], strayed=strayed, **columns)
+    def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
+        """Return the marked cells (m',) of F (m', 3), with sides on lines (m', 3); `strayed` (n',) metres."""
+        columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
+        sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
+        return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) mask of steps that share no face with a better step; step row[i] of rank[row[i]] needs face[i] of m."""
+    """(k,) mask of steps that share no face with a better step; step row[i], with rank[row[i]], needs face[i] of m
+    faces.
+    """
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -163,7 +163,9 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto their neighbours w (k,), and how far stripe edges are then off, metres."""
+    """Moves of vertices v (k,) onto their neighbours w (k,), and the distance (k,) of stripe edges from their
+    places, metres.
+    """
 
     v: Ints
     w: Ints
@@ -186,47 +188,46 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
     rank[np.argsort(-gain, kind="stable")] = np.arange(len(gain))
     stars = [cut.star_cells(end) for end in (moves.v, moves.w)]
     row, face = (np.concatenate(column) for column in zip(*stars, strict=True))
-    moves = moves.subset(independent(row, face, rank, len(cut.F)))
-    onto = np.arange(len(cut.V))
+    moves = moves.subset(independent(row, face, rank, len(cut.surface.F)))
+    onto = np.arange(len(cut.surface.V))
     onto[moves.v] = moves.w
-    F = onto[cut.F]
+    F = onto[cut.surface.F]
     strayed = cut.strayed.copy()
-    ends = cut.edges.ends[cut.lines]
-    moved = np.zeros(len(cut.V))
+    ends = cut.surface.edges.ends[cut.lines]
+    moved = np.zeros(len(cut.surface.V))
     moved[moves.v] = moves.strayed
     for p, q in (ends.T, ends[:, ::-1].T):
         np.maximum.at(strayed, onto[q], moved[p])
     np.maximum.at(strayed, moves.w, moves.strayed)
     has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    cut = replace(cut, sides_on=_merged_sides(cut, np.flatnonzero(~has_area), onto))
-    return cut.with_cells(F, has_area, strayed), len(moves.v)
+    sides_on = _merged_sides(cut.sheet, np.flatnonzero(~has_area), onto)
+    return cut.with_cells(F, sides_on, has_area, strayed), len(moves.v)
 
 
-def _merged_sides(cut: CellMesh, cells: Ints, onto: Ints) -> Ints:
+def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """(m', 3) lines of the half-edges where cells (k,) vanish, because one of their vertices v moves onto w.
 
     The cell beyond the side v-x then has the side w-x, and gets its line.
     """
-    row, F = np.arange(len(cells)), cut.F[cells]
+    row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
     opposite, free_side = 3 * cells + (place + 1) % 3, 3 * cells + np.where(begins_at_w, (place + 2) % 3, place)
-    sides_on, beyond = cut.sides_on.ravel().copy(), cut.edges.twins[free_side]
+    sides_on, beyond = sheet.sides_on.ravel().copy(), sheet.surface.edges.twins[free_side]
     line = np.where(sides_on[opposite] > 0, sides_on[opposite], sides_on[free_side])
     sides_on[beyond[beyond >= 0]] = line[beyond >= 0]
     return sides_on.reshape(-1, 3)
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices of the cut away from cells with angles under 25 degrees; they stay in all uncut faces
-    around them."""
-    poor = (cut.smallest_angle < 25) & (cut.family != VOID)
-    edge = distinct(cut.edges.of[poor])
-    v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
+    """Moves of new vertices away from cells with angles under 25 degrees, within all uncut faces around them."""
+    poor = (cut.smallest_angle < 25) & cut.sheet.material
+    edge = distinct(cut.surface.edges.of[poor])
+    v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
     is_new = (cut.support[v] >= 0).sum(axis=1) > 1
     v, w = v[is_new], w[is_new]
     row, face = cut.star_cells(v)
-    corner, support = cut.corner[cut.parent[face]], cut.support[w[row]]
+    corner, support = cut.uncut.F[cut.sheet.parent[face]], cut.support[w[row]]
     outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
     within = np.bincount(row, outside, len(v)) == 0
     v, w = v[within], w[within]
@@ -234,39 +235,38 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """The moves that keep the topology of all lines, and their places to the tolerance.
+    """The moves that keep the topology of all lines, and their places up to the tolerance, metres.
 
     A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
-    Two
-    joints of three lines may meet if the material around them stays one fan, so not along a border of families, because
-    void is at its ends. Vertices stay on the boundary of the surface."""
+    Two joints of three lines may meet along an edge between material and void, because their material stays one fan.
+    Vertices stay on the boundary of the surface."""
     v, w, _ = moves
-    count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
-    rim = on_boundary(cut.edges, len(cut.V))
+    count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
+    rim = on_boundary(cut.surface.edges, len(cut.surface.V))
     edge = cut.edge(v, w)
     along = cut.lines[edge]
-    step = np.linalg.norm(cut.V[v] - cut.V[w], axis=1)
+    step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
     u = np.where(slides, total[v] - w, v)  # u is the second neighbour on the line
-    distance = np.where(slides, distances_from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
-    distance[distance <= 1e-12 * np.abs(cut.V).max()] = 0  # these are rounding errors
+    distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
+    distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # smaller distances are rounding errors
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
-    onto = ~rim[v] | cut.edges.boundary[edge]
+    onto = ~rim[v] | cut.surface.edges.boundary[edge]
     allowed = (count[v] == 0) | (connected & onto & (strayed <= tolerance))
     return CollapseMoves(v, w, strayed).subset(allowed)
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """The moves that raise the smallest angle of material, without lowering that of void, and the gain, degrees."""
+    """The moves that raise the smallest angle of material and do not lower that of void; and the gain, degrees."""
     row, face = cut.star_cells(moves.v)
-    F, material = cut.F[face], cut.family[face] != VOID
+    F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
     removed = (w[:, None] == F).any(axis=1)
     new_angle = np.full(len(row), np.inf)
-    new_angle[~removed] = cut.angles(np.where(v[:, None] == F, w[:, None], F)[~removed], cut.parent[face[~removed]])
+    new_angle[~removed] = cut.angles(np.where(v[:, None] == F, w[:, None], F)[~removed], parent[~removed])
     before, after = np.full((2, 2, len(moves.v)), np.inf)
     for kind in (0, 1):
         same_kind = material == bool(kind)
@@ -278,19 +278,20 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """(k,) True if the ends of an edge have no common neighbours except across its cells, and no line triangle closes.
+    """(k,) True if the ends of an edge share only the neighbours across its cells: the link condition [Dey et al.
+    1999].
 
-    This is the link condition [Dey et al. 1999].    row, F : the cells around each v.
+    It also excludes triangles of lines that would close.    row, F : the cells around each v.
     """
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
-    pair = distinct(star_vertices[0][is_neighbour] * len(cut.V) + star_vertices[1][is_neighbour])
-    move, x = pair // len(cut.V), pair % len(cut.V)
+    pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
+    move, x = pair // len(cut.surface.V), pair % len(cut.surface.V)
     edge_to_w = cut.edge(x, moves.w[move])
     common = np.bincount(move[edge_to_w >= 0], minlength=len(moves.v))
     two_lines = (edge_to_w >= 0) & cut.lines[edge_to_w] & cut.lines[cut.edge(x, moves.v[move])]
     closes = np.bincount(move[two_lines], minlength=len(moves.v)) > 0
-    return np.asarray((common == cut.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
+    return np.asarray((common == cut.surface.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
 
 
 def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
@@ -302,27 +303,30 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
      \\|/          \\ /
       d            d
     """
-    h, g = cut.edges.pairs.T
+    h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
-    flippable = (cut.parent[f] == cut.parent[e]) & (cut.family[f] == cut.family[e]) & (cut.family[f] != VOID)
+    parent, family = cut.sheet.parent, cut.sheet.family
+    flippable = (parent[f] == parent[e]) & (family[f] == family[e]) & (family[f] != VOID)
     h, g, f, e = h[flippable], g[flippable], f[flippable], e[flippable]
-    d, c, b = (cut.F[f, (h + k) % 3] for k in range(3))  # h runs from d to c
-    a = cut.F[e, (g + 2) % 3]
+    d, c, b = (cut.surface.F[f, (h + k) % 3] for k in range(3))  # h runs from d to c
+    a = cut.surface.F[e, (g + 2) % 3]
     first_cell, second_cell = np.stack([a, c, b], axis=1), np.stack([b, d, a], axis=1)
-    parent = cut.parent[f]
+    parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
     better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a plane face a and b have no other edge
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
-    chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.F))]
-    F = cut.F.copy()
+    chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.surface.F))]
+    F = cut.surface.F.copy()
     F[f[chosen]], F[e[chosen]] = first_cell[chosen], second_cell[chosen]
-    cb, bd, da, ac = (cut.sides_on.ravel()[next_half_edge(half[chosen], steps)] for half in (h, g) for steps in (1, 2))
-    sides_on = cut.sides_on.copy()
+    cb, bd, da, ac = (
+        cut.sheet.sides_on.ravel()[next_half_edge(half[chosen], steps)] for half in (h, g) for steps in (1, 2)
+    )
+    sides_on = cut.sheet.sides_on.copy()
     sides_on[f[chosen]], sides_on[e[chosen]] = (np.stack([*pair, 0 * cb], axis=1) for pair in ((ac, cb), (bd, da)))
-    return replace(cut, F=F, sides_on=sides_on), len(chosen)
+    return cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -343,7 +347,7 @@ class ImprovedSheet:
 
     @property
     def summary(self) -> str:
-        """A sentence with the worst angle, the share of needles and the median quality, before and after."""
+        """Return a sentence with the worst angle, the share of needles and the median quality, before and after."""
         a, b = self.before, self.after
         return (
             f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "
@@ -359,11 +363,12 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     tolerance : largest move of the edges of stripes, of families and of the surface, metres.
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
-    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes a cell with a
-    smaller angle than the smallest of the cells it removes. With tolerance 0 the material covers the same points as
-    before; otherwise its area changes by less than tolerance x length of its edges.
+    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes an angle that
+    is
+    smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
+    Otherwise its area changes by less than the tolerance times the length of its edges.
     """
-    cut = _cells(sheet, uncut)
+    cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
     for _ in range(40):  # most sheets need under ten rounds
         cut, fewer = collapse_edges(cut, tolerance)
@@ -374,27 +379,10 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     before = quality(sheet.subset().surface)
     if not flips and not collapses:
         return ImprovedSheet(sheet, 0, 0, before, before, 0.0)
-    better = _sheet(cut, sheet, uncut)
-    return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))
-
-
-def _cells(sheet: Sheet, uncut: Surface) -> CellMesh:
-    surface, weights = sheet.surface, sheet.weights
-    size = np.diff(weights.indptr)
-    support = np.full((surface.n, 3), -1)
-    support[np.repeat(np.arange(surface.n), size), _row_positions(weights, size)] = weights.indices
-    strayed: Floats = np.zeros(surface.n)
-    columns = (sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed, sheet.lines_of_edges)
-    return CellMesh(surface.V, surface.F, *columns)
-
-
-def _row_positions(weights: csr_array, size: Ints) -> Ints:
-    return np.asarray(np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], size))
-
-
-def _sheet(cut: CellMesh, before: Sheet, uncut: Surface) -> Sheet:
-    used = np.zeros(len(cut.V), dtype=bool)
-    used[cut.F] = True
+    used = np.zeros(len(cut.surface.V), dtype=bool)
+    used[cut.surface.F] = True
     used[: uncut.n] = True
-    surface = Surface(cut.V[used], (np.cumsum(used) - 1)[cut.F])
-    return Sheet(surface, cut.parent, cut.family, before.weights[used], 0, cut.sides_on, before.lines)
+    surface = Surface(cut.surface.V[used], (np.cumsum(used) - 1)[cut.surface.F])
+    columns = (cut.sheet.parent, cut.sheet.family, cut.sheet.weights[used], 0, cut.sheet.sides_on, sheet.lines)
+    better = Sheet(surface, *columns)
+    return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))

@@ -5,12 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.slicing.finishing.walls import SHARPEST, Stretches, Walls, next_in_chains
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
+from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 
 CHORD = float(np.radians(34))
-"""Largest turn of a chord: it strays from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
+"""Largest turn of a chord, radians. The chord then differs from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
 TINY = 1e-300
 """Replacement for a zero length in a division."""
 
@@ -19,9 +18,9 @@ TINY = 1e-300
 class Arcs:
     """Arcs in k planes, from wall a to wall b, counter-clockwise around `centre` (k, 2).
 
-    foot_a, foot_b : (k, 2) points of contact.    way_a, way_b : (k,) metres from the corner to the feet, along the
-    walls.
-    touching       : (k,) mask of the arcs that exist.
+    foot_a, foot_b : (k, 2) points of contact.
+    way_a, way_b   : (k,) metres from the corner to the feet, along the walls.
+    touching       : (k,) mask of the arcs that touch both walls.
     """
 
     centre: Floats
@@ -49,11 +48,10 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the middle through both feet, away from the arc, and their distance
-        (k, 2).
+        """Normals (k, 2, 2) of the lines from the middle through both feet, away from the arc; distances (k, 2).
 
         The region that an arc fills lies on the inner side of both lines."""
-        a, b = (unit(foot - self.centre) for foot in (self.foot_a, self.foot_b))
+        a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
 
@@ -74,18 +72,22 @@ class Arcs:
 
 
 def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | None = None) -> Arcs:
-    """Arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), both of which lead away from the corners.
+    """Return arcs of radii (k,) that touch polylines a (k, p, 2) and b (k, q, 2), which lead away from the corners.
 
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
     The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
-    the tangents at the nearest points is the next guess."""
-    centre, valid = (
-        _first_centres(a, b, radius) if first_centre is None else (first_centre, np.ones(len(first_centre), dtype=bool))
-    )
+    the tangents at the nearest points is the next guess.
+    """
+    if first_centre is None:
+        centre, valid = _first_centres(a, b, radius)
+    else:
+        centre, valid = first_centre, np.ones(len(first_centre), dtype=bool)
     for _ in range(12):  # nearly straight walls need two or three steps
         foot_a, foot_b = _nearest(a, centre)[0], _nearest(b, centre)[0]
-        centre, regular = circle_centres(foot_a, unit(centre - foot_a), foot_b, unit(centre - foot_b), radius)
+        centre, regular = circle_centres(
+            foot_a, unit_vectors(centre - foot_a), foot_b, unit_vectors(centre - foot_b), radius
+        )
         valid &= regular
     (foot_a, way_a), (foot_b, way_b) = _nearest(a, centre), _nearest(b, centre)
     for foot in (foot_a, foot_b):
@@ -97,7 +99,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
     """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
-    u, v = _direction(a), _direction(b)
+    u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
     in_void &= (np.einsum("ki,ki->k", left_normal, v) > 0) & (np.einsum("ki,ki->k", right_normal, u) > 0)
@@ -105,8 +107,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n, and a mask of
-    them."""
+    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -128,40 +129,28 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-def _direction(line: Floats) -> Floats:
-    return unit(line[:, 1] - line[:, 0])
-
-
-def unit(x: Floats) -> Floats:
-    """(k, d) vectors x (k, d) scaled to length 1; zero vectors stay."""
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), TINY))
-
-
 SMALLER = 0.7
 """Least factor by which an arc without room shrinks before the next trial."""
 
 
 @dataclass(frozen=True, eq=False)
 class Corners:
-    """Corners (k,) along the walls of a sheet, in the order of the walls.
+    """Corners (k,) along walls, in the order of the walls.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
     place : (k,) metres along the chain. The foot of an existing arc is a corner that does not turn.
     """
 
-    sheet: Sheet
     walls: Walls
     first: Ints
     turn: Floats
     place: Floats
 
     @classmethod
-    def from_sheet(cls, sheet: Sheet) -> "Corners":
-        """Return the points where the walls of a sheet turn by more than `SHARPEST`."""
-        walls = Walls.from_sheet(sheet)
-        turn = walls.turns(sheet)
-        rows = np.flatnonzero(turn > SHARPEST)
-        return cls(sheet, walls, rows, turn[rows], walls.place[rows])
+    def from_walls(cls, walls: Walls) -> "Corners":
+        """Return the points where the walls turn left by more than `SHARPEST`."""
+        rows = np.flatnonzero(walls.turns > SHARPEST)
+        return cls(walls, rows, walls.turns[rows], walls.place[rows])
 
     def subset(self, chosen: Bools | Ints) -> "Corners":
         """Return the chosen (k,) corners."""
@@ -173,7 +162,9 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs, which do not turn."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do
+        not turn.
+        """
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -181,11 +172,11 @@ class Corners:
         first_wall, place = np.concatenate([self.first[free], first_wall]), np.concatenate([self.place[free], feet])
         turn = np.concatenate([self.turn[free], np.zeros(len(feet))])
         order = np.lexsort((place, walls.chain[first_wall]))
-        return Corners(self.sheet, walls, first_wall[order], turn[order], place[order])
+        return Corners(walls, first_wall[order], turn[order], place[order])
 
     @cached_property
     def next_corner(self) -> Ints:
-        """(k,) the next corner along the chain, -1 before the end of an open chain; a single corner follows itself."""
+        """(k,) the next corner along the chain, -1 at the end of an open chain. A single corner follows itself."""
         chain = self.walls.chain[self.first]
         follow = next_in_chains(chain)
         follow[(follow <= np.arange(len(chain))) & ~self.walls.closed[chain]] = -1
@@ -193,7 +184,7 @@ class Corners:
 
     @cached_property
     def previous_corner(self) -> Ints:
-        """(k,) the corner before each, or -1."""
+        """(k,) the previous corner along the chain, or -1."""
         before = np.full(len(self.next_corner), -1)
         has_next = self.next_corner >= 0
         before[self.next_corner[has_next]] = np.flatnonzero(has_next)
@@ -201,21 +192,18 @@ class Corners:
 
     @cached_property
     def wall_lengths(self) -> tuple[Floats, Floats]:
-        """(k,) metres of wall before and behind each corner, up to the next one or the end of the chain."""
+        """(k,) metres of wall before and behind each corner, up to the next corner or the end of the chain."""
         walls, follow, before = self.walls, self.next_corner, self.previous_corner
         chain = walls.chain[self.first]
         total, place = walls.total[chain], self.place
         next_place = place[follow]
-        behind = np.where(
-            follow >= 0, np.where(next_place > place, next_place - place, next_place - place + total), total - place
-        )
+        ahead = np.where(next_place > place, next_place - place, next_place - place + total)
+        behind = np.where(follow >= 0, ahead, total - place)
         return np.where(before >= 0, behind[before], place), behind
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) metres of straight wall from each corner to the foot of an arc of radius 1 m, for turns up to 170
-        degrees.
-        """
+        """(k,) metres of straight wall from a corner to the foot of an arc of radius 1 m, for turns to 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
@@ -233,13 +221,9 @@ class Corners:
     @cached_property
     def frames(self) -> Floats:
         """(k, 2, 3) unit vectors of the planes of the arcs, square to the void's normal."""
-        surface, void = self.sheet.surface, np.flatnonzero(~self.sheet.material)
-        vector = (surface.normals * surface.areas[:, None])[void]
-        corner = surface.F[void].ravel()
-        total = [np.bincount(corner, np.repeat(column, 3), surface.n) for column in vector.T]
-        normal = np.stack(total, axis=1).astype(np.float64)[self.walls.start[self.first]]
+        normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-        along = surface.V[self.walls.end[self.first]] - self.origin
+        along = self.walls.surface.V[self.walls.end[self.first]] - self.origin
         first_axis = along - np.einsum("ki,ki->k", along, normal)[:, None] * normal
         first_axis /= np.linalg.norm(first_axis, axis=1, keepdims=True)
         return np.stack([first_axis, np.cross(normal, first_axis)], axis=1)
@@ -247,7 +231,7 @@ class Corners:
     @cached_property
     def origin(self) -> Floats:
         """(k, 3) the vertices of the corners."""
-        return np.asarray(self.sheet.surface.V[self.walls.start[self.first]])
+        return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
     def circles(self, rows: Ints, arcs: Arcs) -> Floats:
         """(p, 7) centres, unit axes and radii, metres, of arcs in the frames of corners (p,)."""
@@ -256,28 +240,25 @@ class Corners:
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,) metres at corners (p,), in their `frames`, and the factors by which they must
-        shrink.
+        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) by which they shrink.
 
         A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls."""
-        ahead, behind = (
-            np.minimum(length[rows], 2 * radius * self.tangents[rows] + radius) for length in self.wall_lengths
-        )
+        reach = 2 * radius * self.tangents[rows] + radius
+        ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
         room_before, room_behind = self.rooms
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # `rooms` leave a little more room than this
+        fits = 0.995  # `rooms` leave a slightly larger margin
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
     def wall_line(self, rows: Ints, reach: Floats, back: bool) -> Floats:
-        """(p, q, 2) the walls before or behind corners (p,), away from the corners up to a reach (p,), metres, in
-        their `frames`.
+        """(p, q, 2) the walls before (`back`) or behind corners (p,) up to a reach (p,), metres, in their `frames`.
 
         Shorter lines repeat their last point. The search examines 8 to 256 walls."""
-        walls, V, count = self.walls, self.sheet.surface.V, 8
+        walls, V, count = self.walls, self.walls.surface.V, 8
         begin, vertex = self.first[rows], walls.start if back else walls.end
         while True:
             steps = np.arange(count)
@@ -292,10 +273,9 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), up to 2 % of a radius beyond, at
-        corners (p,)."""
+        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), or within 2 % of a radius of them."""
         walls = self.walls
-        wall = np.full(self.sheet.surface.n, -1)
+        wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
         wall_of_vertex, first_wall = wall[vertex], self.first[rows]
         total = walls.total[walls.chain[first_wall]]
@@ -305,7 +285,7 @@ class Corners:
         return np.asarray((wall_of_vertex >= 0) & same_chain & (distance <= arcs.way_a + arcs.way_b + 2 * margin))
 
     def largest(self, radius: float) -> Floats:
-        """(k,) radii, metres: the input, or less at walls that are too short for it."""
+        """(k,) radii, metres: the requested radius, or less at walls that are too short."""
         room_before, room_behind = self.rooms
         room, t = np.minimum(room_before, room_behind), self.tangents
         return np.asarray(np.minimum(radius, np.divide(room, t, out=np.zeros_like(t), where=t > 0)))

@@ -1,10 +1,10 @@
-"""Pinches: vertices where material meets in a single point. No solid is possible; join the parts or split them.
+"""Pinches: vertices where the material meets in a single point, so that no solid exists. They are joined or split.
 
     material . void         join: a disc around the pinch      split: the disc becomes void
     . . . .  x . . . .            becomes material
      void    . material
 
-The full sheet, material and void together, is cut along the disc, so that the cells around it still fit.
+The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit.
 """
 
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, first_few
 from dsfab.core.errors import PatternError
-from dsfab.slicing.cutting.cells import Cells
 from dsfab.slicing.cutting.cut import filled_polygons
-from dsfab.slicing.cutting.polygon_mesh import weights_after_split
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.surface.topology import edge_table, pieces
+from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3
-"""Most rounds of discs, because a disc can make a new pinch where its rim meets another stripe."""
+"""Most rounds of discs, because a disc can make a new pinch where it meets a second stripe."""
 CORNER_ROUNDS = 2
-"""Most rounds of corner cuts after the discs, which make no new pinch; the second is for neighbours of earlier
-pinches."""
+"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent
+pinches.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class PinchResult:
     """A sheet without pinches.
 
     sheet       : all cells, material and void.
-    count       : number of discs and corner cuts; 0 leaves the sheet as it was.
-    area_change : material area after less before, square metres: positive for "join", negative for "split".
+    count       : number of discs and corner cuts; for 0 the sheet did not change.
+    area_change : change of the material area, square metres: positive for "join", negative for "split".
     """
 
     sheet: Sheet
@@ -49,10 +49,12 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
     Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
-    take the family of the first material cell at their pinch. Pinches on the surface's boundary count too.
+    take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
 
-    Raises PatternError without material, before or after; for an impossible `radius` or `rule`; and for remaining
-    pinches ("join" cannot mend a place where the surface touches itself in a vertex)."""
+    Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
+    remain.
+    "join" cannot mend a place where the surface touches itself in a vertex.
+    """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -73,13 +75,13 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 
 
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
-    """The sheet with a disc or a corner cut at each of the pinches (k,), and their number."""
     count = 0
     for turn, group in enumerate(_groups_without_edges(pinches, _links(sheet, pinches))):
         if turn:  # a disc of an earlier group may have removed some pinches
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
-            distance = _corner_distance(sheet, group, radius) if corners else _distance_to_pinches(sheet, group)
+            V = sheet.surface.V
+            distance = _corner_distance(sheet, group, radius) if corners else cKDTree(V[group]).query(V)[0]
             sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
     return sheet, count
 
@@ -93,7 +95,7 @@ def _material_area(sheet: Sheet) -> float:
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:
-    """(k,) vertices of a sheet around which the material has more than one edge-connected fan of cells."""
+    """(k,) vertices of a sheet at which two or more parts of the material meet without a common edge."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
     pinched = sheet.subset().surface.pinches
@@ -114,7 +116,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """The pinches in groups without common edges, because on a common edge the linear distance would be zero."""
+    """The pinches in groups without common edges, because the linear distance would be zero all along such an edge."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -123,58 +125,38 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
     return groups
 
 
-def _distance_to_pinches(sheet: Sheet, pinches: Ints) -> Floats:
-    V = sheet.surface.V
-    return np.asarray(cKDTree(V[pinches]).query(V)[0])
-
-
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge); cuts of both ends never
-    meet.
-    """
-    surface = sheet.surface
-    x = np.full(surface.n, radius / 0.4)
-    pinch = np.zeros(surface.n, dtype=bool)
-    pinch[pinches] = True
-    for p, q in (surface.edges.ends.T, surface.edges.ends[:, ::-1].T):
-        starts_at_pinch = pinch[p]
-        np.maximum.at(
-            x, q[starts_at_pinch], np.linalg.norm(surface.V[p[starts_at_pinch]] - surface.V[q[starts_at_pinch]], axis=1)
-        )
+    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge), so that no cuts meet."""
+    V, ends = sheet.surface.V, sheet.surface.edges.ends
+    x = np.full(len(V), radius / 0.4)
+    for p, q in (ends.T, ends[:, ::-1].T):
+        p, q = p[np.isin(p, pinches)], q[np.isin(p, pinches)]
+        np.maximum.at(x, q, np.linalg.norm(V[p] - V[q], axis=1))
     x[pinches] = 0
     return x
 
 
 def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
-    V, F = sheet.surface.V, sheet.surface.F
-    touched = np.asarray((distance[F] < radius).any(axis=1))
-    level = np.array([radius])
-    cells, disc = Cells.triangles(F, sheet.sides_on), np.full((1, 1), sheet.lines.count)
-    split = clean_split(cells, V, distance, level, touched, Snapping(0.1, sheet.surface.size, pinches))
-    cells = split.cells.with_new_lines(disc)
-    surface, cell, sides_on = filled_polygons(cells, split.with_new_values(V), sheet.parent[split.source])
-    before = split.source[cell]
-    inside = _connected_to_pinches(surface.F, split.strip[cell] == 0, pinches)
-    family = sheet.family[before]
+    mesh, touched = PolygonMesh.from_sheet(sheet), np.asarray((distance[sheet.surface.F] < radius).any(axis=1))
+    snapping = Snapping(0.1, sheet.surface.size, pinches)
+    split = clean_split(mesh.cells, mesh.X, distance, np.array([radius]), touched, snapping)
+    disc, lines = np.full((1, 1), mesh.lines.count), mesh.lines.with_more(LineKind.DISC, 1)
+    mesh = mesh.after_split(split, disc)
+    surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    inside, family = _connected_to_pinches(mesh, split.strip == 0, pinches)[cell], mesh.family[cell]
     if rule == "split":
         family[inside] = VOID
     else:
         fill = inside & (family == VOID)
-        nearest = cKDTree(V[pinches]).query(surface.centroids[fill])[1]
+        nearest = cKDTree(mesh.X[pinches]).query(surface.centroids[fill])[1]
         family[fill] = _first_family(sheet, pinches)[nearest]
-    weights, lines = weights_after_split(sheet.weights, split), sheet.lines.with_more(LineKind.DISC, 1)
-    return Sheet(surface, sheet.parent[before], family, weights, 0, sides_on, lines)
+    return Sheet(surface, mesh.parent[cell], family, mesh.weights, 0, sides_on, lines)
 
 
-def _connected_to_pinches(F: Ints, inside: Bools, pinches: Ints) -> Bools:
-    """(m',) the inside cells that are edge-connected to a pinch, without other parts of the surface nearby."""
-    inside_faces = F[inside]
-    count, piece = pieces(inside_faces, edge_table(inside_faces))
-    reached = np.zeros(count, dtype=bool)
-    reached[piece[np.isin(inside_faces, pinches).any(axis=1)]] = True
-    result = inside.copy()
-    result[inside] = reached[piece]
-    return result
+def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
+    """(c,) the inside polygons that are connected to a pinch, without nearby folds of the surface."""
+    part, owner = mesh.part_labels(inside), mesh.cells.owner
+    return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 
 
 def _first_family(sheet: Sheet, vertices: Ints) -> Ints:

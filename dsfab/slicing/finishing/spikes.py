@@ -2,7 +2,7 @@ r"""`without_spikes`: cut off teeth of a member that stick out into an opening, 
 
 opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
    .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
-__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void: no member needs it.
+__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void, because no member needs it.
  a  b  member
 """
 
@@ -12,14 +12,14 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.slicing.cutting.cut import Recut
+from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
+from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
-from dsfab.slicing.finishing.walls import SHARPEST, Walls
 
 SHARP = float(np.radians(60))
-"""Least angle by which the outline turns back at a tip; at bends and crossings of members it turns less."""
+"""Least angle, radians, by which the outline turns back at a tip. At bends and crossings of members it turns less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
 """Longest outline of a tooth, in mean widths of members: `FAR` for a spur with a chord under `THIN`, else `LONG`."""
 
@@ -43,11 +43,10 @@ class Spike(NamedTuple):
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
-    """Cut teeth off the material; return also their number. Without teeth it returns the same cells.
+    """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    cells : all cells, material and void, without pinches. Only material beyond a chord becomes void. No other wall and
-            no edge of the surface lies there, so that parts stay connected.
-    """
+    Only material beyond a chord becomes void. No second wall and no edge of the surface lies there, so that parts stay
+    connected. Without teeth the function returns the same cells."""
     count = 0
     for _ in range(4):  # neighbouring teeth are cut off one after the other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -59,32 +58,31 @@ def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def _spikes(cells: Sheet) -> list[Spike]:
-    walls = Walls.from_sheet(cells)
-    turn, width = walls.turns(cells), _member_width(cells, walls)
+    walls, turn, width = cells.walls, cells.walls.turns, _member_width(cells)
     spikes = []
     for tip in np.flatnonzero(np.isfinite(turn) & (turn < -SHARP)).tolist():
-        before, behind = (_corners_beside(walls, turn, tip, step, FAR * width) for step in (-1, 1))
+        before, behind = (_corners_beside(walls, tip, step, FAR * width) for step in (-1, 1))
         pairs = sorted(
             ((length_before + length_behind, i, j) for i, length_before in before for j, length_behind in behind),
             reverse=True,
         )
         longest = min(FAR * width, float(walls.total[walls.chain[tip]]))
-        stretches = (_stretch(walls, tip, i, j) for length, i, j in pairs if length < longest)
-        teeth = (_tooth(cells, walls, stretch, width) for stretch in stretches)
+        ranges = (np.arange(-i, j) for length, i, j in pairs if length < longest)
+        teeth = (_tooth(cells, walls.walls_ahead(np.full(len(k), tip), k)[0], width) for k in ranges)
         spikes.append(next((tooth for tooth in teeth if tooth is not None), None))
     return [spike for spike in spikes if spike is not None]
 
 
-def _member_width(cells: Sheet, walls: Walls) -> float:
+def _member_width(cells: Sheet) -> float:
     """Mean width, metres: twice the area of the material over the length of its outline."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
-    around = walls.length.sum() + surface.edge_lengths[edge & surface.edges.boundary].sum()
+    around = cells.walls.length.sum() + surface.edge_lengths[edge & surface.edges.boundary].sum()
     return float(2 * surface.areas[material].sum() / around)
 
 
-def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
+def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
     """Re-entrant corners before a tip (step -1) or behind it (1): number of walls from the tip, and metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
@@ -92,26 +90,23 @@ def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: fl
         length += float(walls.length[wall if step < 0 else previous_wall])
         if not exists[1] or length > longest:  # an open chain ends on the edge of the surface
             break
-        if turn[wall] > SHARPEST:
+        if walls.turns[wall] > SHARPEST:
             corners.append((k, length))
     return corners
 
 
-def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
-    return walls.walls_ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
-
-
-def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | None:
-    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
-    V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
-    X, step, member_cells = V[outline], walls.length[stretch], walls.outside[stretch] // 3
-    chord, up = X[-1] - X[0], step @ cells.surface.normals[member_cells]  # this is the mean normal over a surface edge
+def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
+    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord is unsuitable."""
+    V, walls = cells.surface.V, cells.walls
+    outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
+    X, step = V[outline], walls.length[stretch]
+    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # the mean normal beside walls
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are hairs, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)
@@ -119,7 +114,7 @@ def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | N
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) the material cells partly beyond the chord; None if another wall or an edge of the surface is there."""
+    """(c,) the material cells partly beyond the chord; None if a further wall or an edge of the surface is there."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:
@@ -140,11 +135,10 @@ def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
 
 
 def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
-    recut = Recut.from_cells(cells, np.unique(np.concatenate([spike.cells for spike in spikes])))
-    mesh = recut.mesh
-    x, active = np.zeros(len(mesh.X)), np.zeros(len(recut.cells), dtype=bool)
+    mesh, source = recut_polygons(cells, np.concatenate([spike.cells for spike in spikes]))
+    x, active = np.zeros(len(mesh.X)), np.zeros(len(source), dtype=bool)
     for spike in spikes:
-        rows = np.searchsorted(recut.cells, spike.cells)
+        rows = np.searchsorted(source, spike.cells)
         active[rows] = True
         vertex = np.unique(mesh.cells.corner[mesh.cells.slots(rows)])
         x[vertex] = spike.heights(mesh.X[vertex])
@@ -152,4 +146,4 @@ def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
     chord = np.full((1, 1), mesh.lines.count)
     mesh = replace(mesh.after_split(split, chord), lines=mesh.lines.with_more(LineKind.CHORD, 1))
     beyond = active[split.source] & (split.strip == 1)
-    return recut.merged_sheet(replace(mesh, family=np.where(beyond, VOID, mesh.family)), split.source)
+    return with_polygons(cells, replace(mesh, family=np.where(beyond, VOID, mesh.family)), source[split.source])

@@ -1,17 +1,20 @@
 """Straight bars between two crossings in place of stripes that miss each other at a node."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
+from dsfab.slicing.cutting.cut import Field, adjacent_faces
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID, LineKind
 from dsfab.slicing.cutting.split import Snapping, clean_split
-from dsfab.slicing.finishing.loose_ends import between_crossings
+from dsfab.slicing.finishing.loose_ends import CLOSED, Tidy, between_crossings, nodes_of
 from dsfab.slicing.finishing.stubs import with_crossings
-from dsfab.surface import link_components
+from dsfab.surface import Surface, link_components
+from dsfab.surface.fields import CornerField
 
 TINY = 1e-12
 
@@ -34,18 +37,13 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar of polygons (c,), as wide as the narrower contact; None without two square
-        contacts.
-        """
+        """Return the straight bar of polygons (c,), as wide as its narrower contact; None without two contacts that
+        are nearly square to it."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
         ends, step = contacts.mean(axis=1), np.diff(contacts, axis=1)[:, 0]
-        bar_slots = cells[mesh.cells.owner]
-        spoke, ahead = (
-            mesh.X[vertices[bar_slots]] - ends[0]
-            for vertices in (mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner))
-        )
+        spoke, ahead = (mesh.X[vertices] - ends[0] for vertices in mesh.cells.sides(cells))
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
         axis = ends[1] - ends[0]
@@ -57,18 +55,15 @@ class FairBar:
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the mean bow and widths of its walls, by least squares; None if too steep or without
-        width.
-        """
+        """Return the bar with the mean bow and widths of its walls, by least squares; None if steep or too thin."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # walls run counter-clockwise, so ahead on the right
+        side = np.where(ahead > 0, -1, 1)  # counter-clockwise walls run ahead on the right side
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
-        (a, b, *half), *_ = np.linalg.lstsq(
-            (basis * weight[:, None])[between_ends], (y * weight)[between_ends], rcond=None
-        )
+        equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
+        (a, b, *half), *_ = np.linalg.lstsq(*equations, rcond=None)
         bowed = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
         steepest = np.abs(bowed._bow_at(np.linspace(0, 1, 21))[1]).max()
         return bowed if steepest < 1 and min(half) > 0 else None
@@ -79,7 +74,7 @@ class FairBar:
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """(2, k) metres of places X (k, 3) inside each side of the bar."""
+        """(2, k) metres by which points X (k, 3) lie inside each side of the bar."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._bow_at(t)
@@ -87,13 +82,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def near_length(self, X: Floats) -> Bools:
-        """(k,) mask of places X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
+        """(k,) mask of points X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance of the present outline outside the new one, over the width."""
+        """Largest distance of the present outline outside the new outline, as a share of the width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -103,7 +98,7 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """(k,) shares of the length at places X (k, 3), and (k,) metres to the left of the straight line."""
+        """(k,) shares of the length at points X (k, 3), and (k,) metres to the left of the straight line."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
@@ -121,21 +116,20 @@ def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """(k, 2, 3) metres: begin and end of each counter-clockwise contact of polygons (c,); none at a surface edge."""
+    """(k, 2, 3) metres: begin and end of each contact of polygons (c,), counter-clockwise; none at an edge of the
+    surface.
+    """
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
         return np.empty((0, 2, 3))
     start, end = cells.corner[contact_slots], cells.next_values(cells.corner)[contact_slots]
-    count, place = link_components(
-        len(contact_slots), *adjacent_sides(np.zeros_like(contact_slots), np.stack([start, end], axis=1), len(mesh.X))
-    )
+    touching = adjacent_sides(np.zeros_like(contact_slots), np.stack([start, end], axis=1), len(mesh.X))
+    count, place = link_components(len(contact_slots), *touching)
     contacts = []
     for k in range(count):
-        begins, finishes = (
-            np.setdiff1d(start[place == k], end[place == k]),
-            np.setdiff1d(end[place == k], start[place == k]),
-        )
+        a, b = start[place == k], end[place == k]
+        begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
         if len(begins) != 1 or len(finishes) != 1:  # the contact is closed, or two contacts meet
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
@@ -143,12 +137,13 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
 
 
 ASKEW = 0.25
-"""Bars stay if their outline is nearer to the straight one than this share of their width."""
+"""Bars stay if their outline is nearer to a straight bar than this share of their width."""
 UNEVEN = 0.12
-"""Bent bars stay if their outline is nearer than this share of their width to the outline with an even bow."""
+"""Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width."""
 FAR = 1.5
-"""Bars stay if their outline is farther than this share of their width from the new outline.
-Such bars bend in another way, or another member touches them."""
+"""Bars stay if their outline is farther from the new outline than this share of their width.
+Such bars bend in another way, or a further member touches them.
+"""
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
@@ -156,16 +151,16 @@ LARGER = 2.5
 
 
 def with_straight_bars(
-    mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy, size: float
+    mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Replace bars through nodes (c,) between two contacts by straight bars, and bars near singular points (c,) by
-    bent bars.
+    """Replace bars through nodes between two contacts by straight bars, and bars near singular points by even bends.
 
-    size : of the surface, metres.    Returns the mesh and the number of replaced bars. The new bends are even.
+    surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
     Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
-    nodes, near_singular, count = nodes & ~mesh.void, near_singular & ~mesh.void, 0
+    nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
+    near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
         return mesh, count
     bars = _askew_bars(mesh, nodes, near_singular, tidy)
@@ -173,15 +168,21 @@ def with_straight_bars(
     for k, bar in enumerate(bars):
         mark[bar.cells] = k
     for k, bar in enumerate(bars):
-        better, label = _with_fair_bar(mesh, mark == k, bar, size)
+        better, label = _with_fair_bar(mesh, mark == k, bar, surface.size)
         if better is not None:
             mesh, mark, count = better, mark[label], count + 1
     return mesh, count
 
 
+def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
+    """Mask (c,) of material beside faces where its field has no phase."""
+    blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
+    near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
+    return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
+
+
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
-    overlap.
+    """Disjoint bars to replace: nodes (c,) with the stripes that touch them, and stripes near singular points (c,).
 
     Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
@@ -209,8 +210,8 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons (c,) of a bar by the new bar; return also the old polygon (c',) of each. None for a large
-    change.
+    """Replace polygons (c,) of a bar by the new bar; return None for a large change, and the old polygon (c',) of
+    each.
     """
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))

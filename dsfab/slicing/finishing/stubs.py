@@ -19,47 +19,43 @@ from typing import Self
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, split_value
-from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, Tidy, adjacent_sides
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID
-from dsfab.slicing.finishing.loose_ends import dependent_polygons
+from dsfab.slicing.finishing.loose_ends import Tidy, dependent_polygons, nodes_of
 from dsfab.surface import link_components
 
 LARGE = 1.6
-"""Stubs stay if the opening without them would be larger: one opening in twenty is as large."""
+"""Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
 EYELET, LARGER = 0.5, 2.5
-"""Limits for stubs around an eyelet, an opening smaller than EYELET times its neighbour: LARGER holds instead of
-`LARGE`.
-
-Such a hook divides nothing."""
+"""An eyelet is an opening smaller than EYELET times its neighbour. For stubs around it LARGER replaces `LARGE`."""
 GOOD = 1.1
-"""Stubs stay if all openings beside them are larger, because the stub of a Y divides such openings well."""
+"""Stubs stay if all openings beside them are larger than this size, because such a stub divides them well."""
 SMALL = 0.6
-"""Stubs stay if the opening without them would be smaller."""
+"""Stubs stay if the opening without them would be smaller than this size."""
 TURN = float(np.radians(110))
-"""Largest turn of the remaining outline, radians, where a stub was removed: a sharper corner would be a loose end."""
+"""Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
 
 
-def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove nodes (c,) and the stubs that lead to them if one good opening remains; return also the number of places.
+def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
+    """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
     Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected.
     """
-    count = 0
+    nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
         if not lumps.any() or not mesh.void.any():
             break
         bars = _Bars.from_polygons(mesh, dependent_polygons(mesh, tidy, lumps))
-        removed = bars.cut & (
-            (bars.eyelets & (bars.opening_count == 2)) if include_crossings else (bars.lumps | bars.eyelets)
-        )
+        removable = bars.eyelets & (bars.opening_count == 2) if include_crossings else bars.lumps | bars.eyelets
+        removed = bars.cut & removable
         mesh = replace(mesh, family=np.where(removed[bars.label] & (bars.label >= 0), VOID, mesh.family))
         count += int(removed.sum())
     return mesh, count
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """(c,) nodes (c,), and crossings that touch them, of stubs that overlap before they end."""
+    """(c,) mask of nodes (c,) and of crossings that touch nodes, because stubs may overlap before they end."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
@@ -93,16 +89,14 @@ class _Bars:
         around = (opening[owner] >= 0) & (void < 0)
         wall = (bar >= 0) & (void < 0) & ~((beyond >= 0) & (label[beyond] >= 0))
         borders_void = (bar >= 0) & (void >= 0)
-        pair, pair_of_side = np.unique(
-            np.stack([bar[borders_void], void[borders_void]], axis=1), axis=0, return_inverse=True
-        )
+        pairs = np.stack([bar[borders_void], void[borders_void]], axis=1)
+        pair, pair_of_side = np.unique(pairs, axis=0, return_inverse=True)
         area = mesh.cells.areas(mesh.X)[0]
         open_area = np.bincount(opening[mesh.void], area[mesh.void], openings)
         perimeter = np.bincount(opening[owner[around]], length[around], openings)
         contact_sides = wall & (beyond >= 0)
-        cut = _stays_connected(mesh, label, contact_sides, beyond) & (
-            _turns(mesh, label, np.flatnonzero(contact_sides)) < TURN
-        )
+        cut = _stays_connected(mesh, label, contact_sides, beyond)
+        cut &= _turns(mesh, label, np.flatnonzero(contact_sides)) < TURN
         return cls(
             label,
             np.bincount(label[removable], area[removable], bars).astype(np.float64),
@@ -123,7 +117,9 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """(count,) sizes, over the median, of the openings without the bars of each group (b,); group -1 stays."""
+        """(count,) sizes, over the median, of the openings without the bars of each group (b,). Bars of group -1
+        stay.
+        """
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -176,8 +172,9 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """(b,) the group of each chosen bar (b,), -1 elsewhere, and the number of groups; bars at one opening form
-        a group."""
+        """(b,) the group of each chosen bar (b,), -1 elsewhere, and the number of groups. Bars at one opening form
+        a group.
+        """
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -194,7 +191,9 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """(b,) largest turn of the remaining outline at the ends of a contact, radians, at sides (s,) of bars (c,)."""
+    """(b,) largest turn of the remaining outline at the contacts of each bar, radians; sides (s,) of bars with
+    labels (c,).
+    """
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -211,10 +210,8 @@ def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
 def _angles(mesh: PolygonMesh) -> Floats:
     cells, X = mesh.cells, mesh.X
     corner_slot, next_slot = cells.following, cells.following[cells.following]
-    u, v = (
-        X[cells.corner[neighbour]] - X[cells.corner[corner_slot]]
-        for neighbour in (np.arange(len(corner_slot)), next_slot)
-    )
+    place = X[cells.corner[corner_slot]]
+    u, v = X[cells.corner] - place, X[cells.corner[next_slot]] - place
     angles = np.empty(len(corner_slot))
     angles[corner_slot] = np.arctan2(np.linalg.norm(np.cross(u, v), axis=1), np.einsum("hi,hi->h", u, v))
     return angles

@@ -1,4 +1,4 @@
-"""`Chart`: a divided surface with two phases at its vertices; its stripes and their middle lines."""
+"""Stripes as functions on a surface: `Chart` with two phases at its vertices, and the middle lines of stripes."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,17 +17,17 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.topology import EdgeTable, edge_table
 
 SLICING_SAME = 2.0**-30
-"""Phases that differ by less, in periods, are equal."""
+"""Phases that differ by less than this number of periods are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface cut open where phases do not fit together; stripes are near whole numbers of a phase.
+    """A surface cut open where phases do not fit together. Stripes run along whole numbers of a phase.
 
     surface : the same sheet on its own vertices (n', m').    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of both families in periods of the lines that are drawn there.
-    scale   : (n', 2) such periods in a period of the finest lines; 0 without a phase.
+    z       : (n', 2) phases of both families, in periods of the lines that are drawn there.
+    scale   : (n', 2) number of these periods in a period of the finest lines; 0 without a phase.
     """
 
     surface: Surface
@@ -61,16 +61,15 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
     flat = surface.F.ravel()
     first_corner, vertex = _group_equal_rows(flat, np.rint(np.concatenate([z, scale], axis=1) / SLICING_SAME))
     chart_surface = Surface(surface.V[flat[first_corner]], vertex.reshape(-1, 3))
-    return Chart(
-        chart_surface, mesh.parent[cell], mesh.weights[flat[first_corner]], z[first_corner], scale[first_corner]
-    )
+    weights = mesh.weights[flat[first_corner]]
+    return Chart(chart_surface, mesh.parent[cell], weights, z[first_corner], scale[first_corner])
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each row."""
+    """Group rows with equal key (k,) and equal whole numbers (k, r): the first row of each group, each row's group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these few rows need sorting
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these few rows need to be sorted
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -91,7 +90,7 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
 
 
 ON = 1e-6
-"""Phases this near to a whole number, in periods, are on the middle of a stripe."""
+"""A phase that is this near to a whole number, in periods, is on the middle of a stripe."""
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 """(4, 3) sample points of a face: near the centroids of four equal triangles in it."""
 
@@ -130,7 +129,7 @@ class StripeChart:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) the place of each vertex: the same number for all vertices with equal coordinates."""
+        """(n,) the place of each vertex: vertices with equal coordinates have the same number."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -139,7 +138,7 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """The edges between places."""
+        """The edges between the places of vertices."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
@@ -207,7 +206,8 @@ class StripeMiddles:
     """The middles of the members of family k, in pieces.
 
     face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end nodes.
-    copy : (s,) pieces along an edge that repeat an earlier piece.    edge : (j,) nodes on the boundary of the surface.
+    copy : (s,) True for pieces along an edge that repeat an earlier piece.
+    edge : (j,) True for nodes on the boundary of the surface.
     """
 
     drawn: StripeChart
@@ -226,7 +226,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """(s,) metres of each piece; the two pieces along an edge count half each."""
+        """(s,) metres of each piece. Where an edge has two equal pieces, each counts half."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -259,7 +259,7 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end.
+    """Pieces (s,) of middles: their faces, their numbers, and the slots (s, 2) of the face at which they end.
 
     Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3."""
 
@@ -297,7 +297,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """(s, 3) coordinates of the ends at slots (s,) of pieces z = 0, z (s, 3) at the corners."""
+    """(s, 3) coordinates of the point z = 0 at slots (s,) of faces; z (s, 3) are values at their corners."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -311,7 +311,7 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
     """(s, 2) the node of each end, and (j,) mask of nodes on the boundary of the surface.
 
-    Ends on an edge are sorted by their place; ends at vertices come before them.
+    The nodes at vertices come first, then the nodes on edges in their order along each edge.
     """
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)

@@ -55,14 +55,15 @@ def outline_corners(sheet: Sheet) -> Floats:
 
 
 LEAST = 1e-7
-"""Shorter parts of a segment, and shorter gaps in it, are rounding errors."""
+"""Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors."""
 
 
 class Spans(NamedTuple):
-    """Remaining parts of segments.
+    """Parts of segments that remain after clipping.
 
-    segment : (p,) segment of each part.    begin, end : (p,) positions on it, 0 to 1.
-    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair."""
+    segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
+    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair.
+    """
 
     segment: Ints
     begin: Floats
@@ -76,12 +77,11 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
     face        : (v,) faces of the chart.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of the face.
-    segment     : (v,) the segment; two faces may see the same one, along their common edge.
+    segment     : (v,) the segment; along a common edge, two faces may see the same segment.
     F           : (m, 3) the uncut faces.
     """
-    ends = view_ends @ _parent_coordinates(
-        chart.weights, chart.surface.F[face], chart.parent[face], F
-    )  # these are barycentric coordinates on the uncut faces
+    corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
+    ends = view_ends @ corners  # barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
     parents = sheet.parent[order]
     begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
@@ -122,19 +122,18 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # no part of one segment reaches the next
+    upto = np.maximum.accumulate(2.0 * segment + end)  # each segment has an interval of its own
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
     span_end = np.maximum.reduceat(end, first_rows) if len(first_rows) else end
     start = np.where(begin[first_rows] < LEAST, 0.0, begin[first_rows])
-    return Spans(
-        segment[first_rows], start, np.where(span_end > 1 - LEAST, 1.0, span_end), np.cumsum(begins_span) - 1, cell
-    )
+    span_end = np.where(span_end > 1 - LEAST, 1.0, span_end)
+    return Spans(segment[first_rows], start, span_end, np.cumsum(begins_span) - 1, cell)
 
 
 class Middle(NamedTuple):
-    """A line along the middle of a member: the line number that most of it has, and points (k, 3) in metres."""
+    """A line along the middle of a member: points (k, 3), metres, and the line number of most of its length."""
 
     number: int
     points: Floats
@@ -142,10 +141,12 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middles, each between two nodes; both faces at an edge may see a segment along the edge.
+    """Segments of middle lines, each between two nodes. Both faces at an edge may see a segment along the edge as a
+    view.
 
-    link   : (l, 2) nodes.                point  : (nodes, 3) metres.
-    of     : (v,) the segment of a view.  face   : (v,) of the chart.    number : (v,) of the line, in the finest lines.
+    link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
+    of     : (v,) the segment of a view.      face  : (v,) of the chart.
+    number : (v,) number of the line among the finest lines.
     at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face.
     """
 
@@ -181,9 +182,8 @@ class Chords:
     @classmethod
     def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        crossed_slot = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(
-            -1, 2
-        )  # corners come first, then sides
+        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # corners come first, then sides
+        crossed_slot = np.nonzero(meets)[1].reshape(-1, 2)
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
         coordinates = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
@@ -195,8 +195,8 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """(v, 2) nodes at corners (where `at_corner`) or on the sides after them, and (nodes, 3) their points, metres."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # the sheet has no edges at cuts of the chart
+    """(v, 2) nodes at corners (where `at_corner`) or on the sides behind corners; (nodes, 3) all points, metres."""
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # without the cuts of the chart
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -218,9 +218,8 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : values of `sheet.family`. The result leaves out lines that run through such cells only, because they
-                 pass
-                 below another member and the cut made no member along them."""
+    passing    : values of `sheet.family`. Lines that run through such cells only are left out, because these cells
+                 belong to members that cross the line."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -240,9 +239,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """(p, 2) the nodes of the parts of the segments, at most two parts at each node, and the points of all nodes.
+    """(p, 2) the nodes of parts of segments, at most two parts at each node; and the points of all nodes, metres.
 
-    A cut segment gets a separate node. If more than two segments meet, all of them end there."""
+    A cut segment gets a separate node. Where more than two segments meet, all of them end."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -256,36 +255,39 @@ def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
 
 
 def dominant_number(number: Ints, weight: Floats) -> int:
-    """The number (k,) with the largest sum of weights (k,)."""
+    """Return the number with the largest sum of weights, among numbers (k,) with weights (k,)."""
     values, group = np.unique(number, return_inverse=True)
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
 BOUNDARY = "boundary"
-"""The family of an edge on the boundary of the uncut surface."""
+"""The name of the family of edges on the boundary of the uncut surface."""
 
 STRIPES = ("major", "minor")
 """The families of a chart, in its order."""
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes, with a sign in each face, and the values of their middles."""
+    """A field of evenly spaced stripes with a sign in each face, and its values (k,) at the middles of stripes."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""Phase z (n,) on the uncut surface, integers at the middles of stripes; or z at corners; or None without stripes."""
+"""Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
+stripes.
+"""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
     names  : of the fields of the cut; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to stripe k of its cell: z is next to k. For phases at corners the face
-             gives k, and a line takes the number that most of it has.
-    Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
+    phases : for each field. An edge belongs to stripe k of its cell if z is nearest to k. For phases at corners the
+             face
+             gives k, and a line takes the number of most of its length.
+    Together the lines are the boundary of the sheet, each edge once, with the material on the left.
     """
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -324,7 +326,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """(k,) mask of edges (k,) around a loop of vertices that belong to another stripe than the edge before."""
+        """(k,) mask of edges (k,) around a loop of vertices whose stripe differs from that of the edge before."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -344,9 +346,11 @@ class _Stripes:
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
     """Return the middles z = k of one family's members, for all integers k, on the remaining surface.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d; d = 0 means no member,
-    and no middle line even in other material. Both fields are linear in each cell of the sheet, so the lines are exact
-    and end at the edges of the sheet."""
+    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Without a member (d = 0)
+    there is no middle line. Both fields are linear in each cell of the sheet, so the lines are exact and end at the
+    edges
+    of the sheet.
+    """
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -380,8 +384,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """The boundary as loops of vertices, with a two-sided surface on their left, and the half-edge after each
-    vertex."""
+    """Loops of boundary vertices, with a two-sided surface on their left, and the half-edge after each vertex."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -1,15 +1,15 @@
 """Overlay of a finished sheet with the stripes of all families, so that no stripe hides another stripe.
 
-Later fields do not cut a cell that an earlier field made material. So the second member is missing under a crossing.
-Here the cells of the sheet are divided along the edges of the other fields too:
+Later fields do not cut a cell that an earlier field made material. So under a crossing the second member is missing.
+Here the cells of the sheet are also divided along the edges of the later fields:
 
      |     |              |     |
------+     +-----    -----+-----+-----     A cell of the crossing then is a part of both members.
+-----+     +-----    -----+-----+-----     A cell of the crossing is then a part of both members.
      |     |     ->       |  *  |
 -----+     +-----    -----+-----+-----
      |     |              |     |
 
-Material of the finishing (fillets, bridges, filled openings) lies in no band and belongs to no stripe.
+Material that finishing added (fillets, bridges, filled openings) belongs to no stripe.
 """
 
 from collections.abc import Sequence
@@ -28,18 +28,19 @@ from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, link_components
 
 ZERO = 2.0**-30
-"""Offsets from the middle of a band, in the unit of the field, count as zero if they are smaller."""
+"""Offsets from the middle of a band below this number, in the unit of the field, count as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut: material has more levels below the first column than below the second.
+    """The stripes of one field of a cut: material has more levels below the first column than below the second column.
 
     family : fields of one family do not cross each other.
     field  : at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : the middle line is where the mean of both columns is a level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
+    centre : on the middle line, the mean of both columns is a level + centre.
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`.
+    """
 
     family: str
     field: CornerField | Floats
@@ -50,15 +51,15 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A material sheet divided along hidden edges too, and the stripes of each cell.
+    """A material sheet that is also divided along hidden edges, and the stripes of each cell.
 
     sheet  : m cells, all of them material; `family` is the field that made each cell.
     source : (m,) the undivided cell that each cell comes from.
     part   : (m, f) for each field the connected stripe of a cell, of `count`; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) its level in most of its cells.
     own    : (m,) True for cells in the band of the field that made them material.
-    offset : (m, 3, f) distance of the field at the corners from the middle line of the cell's stripe; never 0, so that
-             the line crosses two sides of a cell or none. All cells at an edge of a stripe agree up to a sign.
+    offset : (m, 3, f) distance of the field at the corners from the middle line of the cell's stripe. It is never 0, so
+             that the line crosses two sides of a cell or none. All cells at an edge of a stripe agree up to a sign.
     """
 
     sheet: Sheet
@@ -89,12 +90,11 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     bands : one for each field of the cut, in order.
     snap  : snap fraction of hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed it and other material only covers its
-    place.
+    A stripe that made no cell material is left out, because finishing removed this stripe.
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
-    mesh = PolygonMesh.from_sheet(sheet)
+    mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
     tip = min(max(snap, ZERO), TIP)
     for k, band in enumerate(bands):
         hidden = _hidden_cells(sheet.family, bands, k)
@@ -104,16 +104,11 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     source = mesh.parent[cell]
     family = sheet.family[source]
     weights = csr_array(mesh.weights @ sheet.weights)
-    triangles = PolygonMesh.from_cells(
-        base.F, Cells.triangles(surface.F), surface.V, mesh.weights, source, np.full(surface.m, VOID)
-    )
+    triangles, void = Cells.triangles(surface.F), np.full(surface.m, VOID)
+    divided_base = PolygonMesh.from_cells(base.F, triangles, surface.V, mesh.weights, source, void)
+    stripes = [_BandOnCells.from_band(divided_base, x, band) for x, band in zip(fields, bands, strict=True)]
     divided = Sheet(surface, sheet.parent[source], family, weights, 0, sides_on, sheet.lines)
-    return _labelled_overlay(
-        divided,
-        source,
-        [_BandOnCells.from_band(triangles, *field_and_band) for field_and_band in zip(fields, bands, strict=True)],
-        bands,
-    )
+    return _labelled_overlay(divided, source, stripes, bands)
 
 
 def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:
@@ -138,8 +133,8 @@ class _BandOnCells:
     """A field on triangles.
 
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
-    number : (m,) the nearest level, and off : (m,) the distance of the centroid from it.
-    sign, shift : (m, 3) from the values at the vertices to those at corners.    blank : (m,)
+    number : (m,) the level nearest to the centroid.    off : (m,) distance of the centroid from this level.
+    sign, shift : (m, 3) from values at vertices to values at corners.    blank : (m,) mask of triangles without values.
     """
 
     F: Ints
@@ -168,7 +163,7 @@ class _BandOnCells:
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """(p,) mask of half-edge pairs (p, 2) whose cells have the same nearest level."""
+        """(p,) mask of pairs of half-edges (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
         g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # take the same vertex in the second cell
@@ -179,8 +174,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """(m, 3) z - number in marked cells (m,), NaN elsewhere.
 
-        Zeros move, at all corners of a vertex, to the side with less of the stripe. Then lines along a sheet's edge
-        cross cells.
+        Zeros move to the side with less of the stripe, at all corners of a vertex, so that every line crosses cells.
         """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
@@ -202,7 +196,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves values
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # because `slicing.snap` moves values
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
@@ -227,7 +221,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """(m,) the range of z (m, 3) over the former cell of each cell."""
+    """(m,) the range of z (m, 3) over the undivided cell that each cell comes from."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

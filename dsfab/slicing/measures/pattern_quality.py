@@ -25,11 +25,11 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """The pieces of `StripeMiddles`, divided at the middles of the other family.
+    """The pieces of `StripeMiddles`, divided at the middles of the second family. A bay lies between two crossings.
 
-    piece  : (b,) of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
+    piece  : (b,) the piece of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
     bay    : (b,) the bay of each part, of `count`.
-    angle  : (c,) degrees between members at crossings, outside material besides the stripes.
+    angle  : (c,) degrees between members at crossings, except in material besides the stripes.
     """
 
     middles: StripeMiddles
@@ -42,14 +42,16 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) metres outside the members of the other family and other material."""
+        """(b,) metres of each part outside the members of the second family and outside material besides the
+        stripes.
+        """
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) True if the opening to the next member is narrower than the member."""
+        """(b,) True if the opening up to the next member is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -97,21 +99,14 @@ def bays(middles: StripeMiddles) -> Bays:
     count, bay = _bay_labels(middles, piece, end, number, inner, barrier)
     crossed = np.concatenate([np.repeat(np.arange(len(face)), inner), np.nonzero(on_middle)[0]])
     crossing_coordinates = np.concatenate([coordinates[number > 0], middles.at[on_middle]])
-    return Bays(
-        middles,
-        piece,
-        coordinates,
-        share * middles.length[piece],
-        bay,
-        count,
-        _angles(middles, face[crossed], crossing_coordinates),
-    )
+    angles = _angles(middles, face[crossed], crossing_coordinates)
+    return Bays(middles, piece, coordinates, share * middles.length[piece], bay, count, angles)
 
 
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part; parts connect at nodes without a `barrier` (j,)."""
+    """Number of bays, and the bay of each part; parts connect at nodes (j,) that are not barriers."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -136,7 +131,7 @@ OFF = 30.0
 
 
 class DeadEnds(NamedTuple):
-    """(e, 3) places of loose ends, and (t, 3) of turns, metres."""
+    """Dead ends of members: places (e, 3) of loose ends, and places (t, 3) where members turn back, metres."""
 
     loose: Floats
     turns: Floats
@@ -145,8 +140,9 @@ class DeadEnds(NamedTuple):
 def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
     """Find the dead ends of a family.
 
-    along      : (m, 3) unit direction of the stress on the faces; either sign.
-    deviation  : (m,) degrees between members and this direction.    confidence : (m,) clarity of the direction, 0 to 1.
+    along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
+    deviation  : (m,) degrees between members and this direction.
+    confidence : (m,) clarity of the direction, 0 to 1.
     """
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
@@ -161,7 +157,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """(j,) nodes of two pieces on the same side of a stress that is clear in both: the member turns back."""
+    """(j,) mask of nodes where a member turns back against a clear direction of the stress."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
     ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # zero counts as ahead
@@ -179,7 +175,7 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Strips of material in which a sheet leaves a ball.
+    """Strips of material that run out of a ball around a place of a sheet.
 
     direction : (a, 3) unit vectors towards the strips; two zero vectors for a ball that material surrounds.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
@@ -193,16 +189,14 @@ class Arms(NamedTuple):
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """True if a member ends here or turns back.
+        """True if a member of a width in metres ends here or turns back.
 
-        The second arm is unfolded around the edge of the surface, so that a member around a sharp edge counts as
-        straight.
+        The second arm is unfolded around an edge of the surface, so that a member around a sharp edge is straight.
         """
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
-        return (
-            float(self.direction[0] @ transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
-        )
+        unfolded = transported_vectors(self.normal[:1], self.normal[1:], self.direction[1:])[0]
+        return float(self.direction[0] @ unfolded) > 0
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
@@ -240,7 +234,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that may meet the ball, with edges up to half its radius; the whole sheet if no face does."""
+    """The faces that may meet the ball, with edges up to half its radius; the whole sheet without such faces."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -253,14 +247,13 @@ def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
 
 def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float) -> Floats:
     a, b = sheet.edges.ends[edge].T
-    share = np.clip(
-        (radius - distance[a]) / np.where(distance[a] == distance[b], 1.0, distance[b] - distance[a]), 0, 1
-    )[:, None]
+    step = np.where(distance[a] == distance[b], 1.0, distance[b] - distance[a])
+    share = np.clip((radius - distance[a]) / step, 0, 1)[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
 SHARES = (0.05, 0.5, 0.95)
-"""Quantiles of spacings and openings, by area."""
+"""Quantiles of spacings and openings that are reported, as shares of the area."""
 
 Quantiles = tuple[float, float, float]
 
@@ -269,15 +262,17 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area outside other material.
+    spacing    : metres from middle to middle: P5, median and P95 over the area outside material besides the stripes.
     opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
-    deviation  : degrees off the stress, mean over area x stress along the members x confidence of its direction.
-    off        : share of these weights where members are off by more than 30 degrees.
+    deviation  : mean angle to the stress, degrees, weighted by area x stress along the members x clarity of its
+                 direction.
+    off        : share of these weights where members deviate by more than 30 degrees.
     dead_ends  : see `dead_ends`.
-    slits      : number of openings narrower than the members beside them; before the cut the number of such bays
-                 (see `Bays`), on a cut sheet see `dsfab.slicing.finishing.openings`.
+    slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
+                 bays
+                 (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
     slit_share : share of the length of members beside such an opening.
-    drawn      : False without members; then the other numbers are 0.
+    drawn      : False without members; then all numbers are 0.
     """
 
     spacing: Quantiles
@@ -306,10 +301,11 @@ class FamilyQuality:
 class PatternQuality:
     """Quality of both families together.
 
-    crossing_angle : degrees, the smallest between two members that cross; 90 without crossings.
+    crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
-                     largest over all symmetries; None without any.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
+                     largest over all symmetries; None without symmetries.
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
+    """
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -339,12 +335,12 @@ class PatternQuality:
 
     @property
     def deviation(self) -> float:
-        """Degrees off the stress, the larger of both families."""
+        """Mean angle to the stress, degrees, the larger of both families."""
         return max(self.major.deviation, self.minor.deviation)
 
     @property
     def summary(self) -> str:
-        """One line that describes the quality in words."""
+        """Return one line that describes the quality in words."""
         crossing = f", crossing at {self.crossing_angle:.0f} or more" if self.major.drawn and self.minor.drawn else ""
         turned = f" turned by {self.turned:g}" if self.turned else ""
         crooked = f"members {self.deviation:.1f} degrees off the stress{turned}{crossing}"
@@ -376,8 +372,6 @@ def pattern_quality(
 def _family(
     chart: StripeChart, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
-    """Quality of family k: its members should run along direction k, and its phase should grow along the second
-    direction."""
     shown = bool((chart.d[:, k] > 0).any())
     area, has_spacing, slope = chart.surface.areas, chart.steep(k) & shown, chart.slope[k]
     spacing = 1 / slope

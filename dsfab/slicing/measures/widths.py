@@ -7,14 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock, sorted_order, weighted_quantiles
-from dsfab.slicing.cutting.sheet import VOID, Sheet, face_subset, hydraulic_diameters, inner_walls
+from dsfab.slicing.cutting.sheet import VOID, Sheet, SheetPart, hydraulic_diameters
 from dsfab.surface import Surface, next_half_edge, pieces
 
 
 class FarEnds(NamedTuple):
     """Far ends, on the boundary, of lines (k,) that measure widths.
 
-    edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
+    edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
     slope  : cosine between line and half-edge.    length : metres of the line.
     """
 
@@ -25,11 +25,13 @@ class FarEnds(NamedTuple):
 
     def subset(self, chosen: Ints) -> "FarEnds":
         """Return the chosen (k,) ends."""
-        return FarEnds(self.edge[chosen], self.place[chosen], self.slope[chosen], self.length[chosen])
+        return FarEnds(*(column[chosen] for column in self))
 
 
 class _Lines(NamedTuple):
-    """Lines in progress: number, half-edge of entry, metres along it, direction, and length so far."""
+    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length up to
+    here.
+    """
 
     number: Ints
     edge: Ints
@@ -39,9 +41,7 @@ class _Lines(NamedTuple):
     way: Floats
 
     def subset(self, active: Bools) -> "_Lines":
-        return _Lines(
-            self.number[active], self.edge[active], self.s[active], self.x[active], self.y[active], self.way[active]
-        )
+        return _Lines(*(column[active] for column in self))
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
@@ -54,7 +54,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     result = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(2000):  # longer lines run along a member, not across it
+    for _ in range(2000):  # longer lines run along a member
         if not len(lines.number):
             break
         lines = _at_exit(lines, frames[lines.edge])
@@ -72,7 +72,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """The lines at the exit from their triangles, relative to the half-edges of exit, y outwards."""
+    """The lines where they leave their triangles, relative to the half-edges of exit, with y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both sides
@@ -84,9 +84,8 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
         ux, uy = np.where(second, cx, bx), np.where(second, cy, by)
         exit_place = (s + step * x - np.where(second, ax, length)) * ux + (step * y - np.where(second, ay, 0)) * uy
     edge = next_half_edge(lines.edge, 1 + second)
-    return _Lines(
-        lines.number, edge, exit_place, x * ux + y * uy, np.where(second, over_last, over_next), lines.way + step
-    )
+    outwards = np.where(second, over_last, over_next)
+    return _Lines(lines.number, edge, exit_place, x * ux + y * uy, outwards, lines.way + step)
 
 
 def _frames(surface: Surface) -> Floats:
@@ -96,24 +95,22 @@ def _frames(surface: Surface) -> Floats:
     size = np.linalg.norm(along, axis=1)
     ax, ay = np.einsum("hi,hi->h", apex, along) / size, 2 * np.repeat(surface.areas, 3) / size
     second_size, third_size = (np.roll(size.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2))
-    return np.stack(
-        [size, ax, ay, (ax - size) / second_size, ay / second_size, -ax / third_size, -ay / third_size], axis=1
-    )
+    second, third = ((ax - size) / second_size, ay / second_size), (-ax / third_size, -ay / third_size)
+    return np.stack([size, ax, ay, *second, *third], axis=1)
 
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Starts of lines on a wall edge. The shortest line between two polylines starts at a corner of one of them; the middle
-represents the edge in distributions."""
+"""Starts of lines on a wall edge: the middle, and near both corners, where shortest lines between polylines start."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Walls are opposite if they are parallel to 20 degrees; at a corner the distance goes to zero and is not a width."""
+"""Walls at angles over 20 degrees are not opposite: their distance goes to zero at a corner and is not a width."""
 TAPER = float(np.radians(1.5))
 """Walls that converge by at least this angle may end in a tip."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet to an opposite wall, except in tips, because a member that tapers ends in nothing.
+    """Lines across a sheet to an opposite wall, except in tips, where the width of a member goes to zero.
 
     width  : (k,) metres, the distance of a line's start from the edge where the line ends.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
@@ -190,12 +187,12 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """(k,) mask of lines between walls that close to a tip: they converge, and meet at about that distance.
+    """(k,) mask of lines between walls that converge to a tip.
 
     slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along it.
 
-    A wedge of angle a and width w ends after w / (2 tan(a / 2)); the way along both walls is twice that. The real way
-    must be 0.4 to 1.7 times as long.
+    A wedge of angle a and width w ends after w / (2 tan(a / 2)), and both of its walls together are twice as long. In
+    a tip the walls have 0.4 to 1.7 times this length.
     """
     loop, middle, ahead, total = _loop_positions(surface)
 
@@ -214,8 +211,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """For half-edges (3 m,) on the boundary: loop, metres along the loop to their middle, and True if they run along
-    it.
+    """For half-edges (3 m,) on the boundary: their loop, metres along it to their middle, and True if they run along.
 
     Returns also the length of each loop. Loops need no orientation of the faces."""
     edge = np.flatnonzero(surface.edges.boundary)
@@ -234,7 +230,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
+    """The loop of each edge (e,) with ends (e, 2), all edges in the order of the loops, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # a walk leaves an edge by its far end
@@ -256,13 +252,12 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
 
 
 ROUNDING = 1e-6
-"""Share of a limit by which widened members may miss it."""
+"""Widened members may miss a limit by this share of the limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: metres, its place (3,), a word for it, and the mesh width of the uncut
-    surface there."""
+    """The smallest member, gap or edge: metres, its place (3,), a word for it, and the uncut mesh width there."""
 
     size: float
     place: Floats
@@ -275,7 +270,7 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Least sizes of a sheet's members and gaps, in metres; None without any.
+    """Least sizes of a sheet's members and gaps, metres; None without members or gaps.
 
     member : the narrowest member, also between two openings that nearly meet.
     gap    : the narrowest opening.
@@ -290,17 +285,14 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """(q,) the widths that these shares of the walls do not exceed, metres; none without widths."""
-        if not self.weight.sum():
-            return np.empty(0)
-        return weighted_quantiles(self.widths, self.weight, shares)
+        """(q,) the widths that these shares of the walls do not exceed, metres; empty without widths."""
+        return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each bin; none without
-        widths.
+        """(b + 1,) limits of the bins from 0, metres, and (b,) the share of the walls in each bin; both may be empty.
 
-        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians,
-                because plates at a crown or a foot would leave one bin to all members.
+        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians.
+                Otherwise broad plates at a crown or a foot would push all members into one bin.
         """
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
@@ -311,7 +303,7 @@ class Features:
 
 
 def below_limit(sizes: float | Floats, limit: float) -> Bools:
-    """Mask of widths under a limit, metres, apart from `ROUNDING`."""
+    """Mask of widths under a limit, metres, with a tolerance of `ROUNDING`."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
 
@@ -333,27 +325,21 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
     Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
-    walls,
-    and right to 1 - cos a between walls that bend by an angle a from edge to edge. Short members and members that end
-    in a
-    tip count too; gaps in tips count if `tips` is set; corners between walls at more than 20 degrees never count.
-    Pieces and
-    openings too small or too round for lines count with 4 area / perimeter, the diameter of the circle in a triangle or
-    a square.
+    walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
+    is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
+    round for such lines count with 4 area / perimeter, the diameter of the circle in a triangle or a square.
     """
-    sheet, holes = cells.surface, ~built
-    material, from_material = face_subset(sheet, built)
-    mesh = _mesh_width(cells)
+    part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
+    material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
     cell = from_material[across.face]
     member = _smallest(across, mesh[cell], [_member(names, f) for f in cells.family[cell]])
-    member = _smallest_feature(
-        member, _smallest_compact_piece(material, material.edges.boundary, across, mesh[from_material], "a loose piece")
-    )
+    walls, widths = material.edges.boundary, mesh[from_material]
+    member = _smallest_feature(member, _smallest_compact_piece(material, walls, across, widths, "a loose piece"))
     gap = None
-    if holes.any():
-        void, from_void = face_subset(sheet, holes)
-        walls = inner_walls(void, sheet, from_void)
+    if not built.all():
+        part = SheetPart.from_cells(cells.surface, ~built)
+        void, from_void, walls = part.surface, part.cells, part.walls
         between = crossings(void, walls, tips=tips)
         gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
         gap = _smallest_feature(gap, _smallest_compact_piece(void, walls, between, mesh[from_void], "an opening"))
@@ -367,18 +353,17 @@ def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
         return np.asarray(material)
     built_centroids = {row.tobytes() for row in sheet.surface.centroids}
     material_cells = np.flatnonzero(material)
-    count, label = pieces(cells.surface.F[material_cells], cells.subset().surface.edges)
+    label = cells.material_part.surface.pieces[1]
     _, first_cells = np.unique(label, return_index=True)
-    built = np.array(
-        [cells.surface.centroids[material_cells[first_cells[k]]].tobytes() in built_centroids for k in range(count)]
-    )
+    first_centroids = cells.surface.centroids[material_cells[first_cells]]
+    built = np.array([row.tobytes() in built_centroids for row in first_centroids])
     result = np.zeros(cells.surface.m, dtype=bool)
     result[material_cells] = built[label]
     return result
 
 
 def _mesh_width(cells: Sheet) -> Floats:
-    """(m',) side of an equilateral triangle as large as the uncut face, metres."""
+    """(m',) side, metres, of an equilateral triangle with the area of the uncut face."""
     area = np.bincount(cells.parent, cells.surface.areas)
     return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
 
@@ -416,6 +401,5 @@ def _shortest(part: Surface, mesh: Floats) -> Feature:
     length = part.edge_lengths
     k = int(length.argmin())
     face = int(part.edges.order[part.edges.start[k]] // 3)
-    return Feature(
-        float(length[k]), part.V[part.edges.ends[k]].mean(axis=0), "an edge of a triangle", float(mesh[face])
-    )
+    place = part.V[part.edges.ends[k]].mean(axis=0)
+    return Feature(float(length[k]), place, "an edge of a triangle", float(mesh[face]))

@@ -6,9 +6,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.slicing.cutting.sheet import Sheet
-from dsfab.surface import nearest_places as nearest
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
@@ -18,8 +17,9 @@ SHARPEST = float(np.radians(20))
 
 @dataclass(frozen=True, eq=False)
 class Walls:
-    """Walls (w,), chain after chain, each in the order in which the void lies on its left.
+    """Walls (w,) of a cut surface, chain after chain. The void lies on the left of each wall.
 
+    surface : all cells, material and void.    void : (m',) mask of the void cells.
     inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
     chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.    total : (c,) metres of
@@ -27,6 +27,8 @@ class Walls:
     closed : (c,) True for a closed chain; open chains end on the boundary of the surface.
     """
 
+    surface: Surface
+    void: Bools
     inside: Ints
     outside: Ints
     start: Ints
@@ -39,25 +41,45 @@ class Walls:
     closed: Bools
 
     @classmethod
-    def from_sheet(cls, sheet: Sheet) -> "Walls":
-        """Return the walls between material and void of a sheet, chained."""
-        side_a, side_b = sheet.surface.edges.pairs.T
-        void = ~sheet.material
+    def from_cells(cls, surface: Surface, void: Bools) -> "Walls":
+        """Return the walls between the material and the void cells (m',) of a surface."""
+        side_a, side_b = surface.edges.pairs.T
         wall = void[side_a // 3] != void[side_b // 3]
         side_a, side_b = side_a[wall], side_b[wall]
         h = np.where(void[side_a // 3], side_a, side_b)
-        a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-        order, begin, closed = _chains(_next_walls(sheet.surface, a, b))
+        a, b = (ends[h] for ends in half_edges(surface.F))
+        order, begin, closed = _chains(_next_walls(surface, a, b))
         chain = np.repeat(np.arange(len(closed)), np.diff(begin))
         h, a, b = h[order], a[order], b[order]
-        length = np.linalg.norm(sheet.surface.V[b] - sheet.surface.V[a], axis=1)
+        length = np.linalg.norm(surface.V[b] - surface.V[a], axis=1)
         total = np.bincount(chain, length, len(closed)).astype(np.float64)
         place = np.cumsum(length) - length - (np.cumsum(total) - total)[chain]
-        return cls(h, (side_a + side_b)[order] - h, a, b, length, place, chain, begin, total, closed)
+        outside = (side_a + side_b)[order] - h
+        return cls(surface, void, h, outside, a, b, length, place, chain, begin, total, closed)
+
+    @cached_property
+    def void_cells(self) -> Ints:
+        """(w,) the void cell at each wall."""
+        return self.inside // 3
+
+    @cached_property
+    def material_cells(self) -> Ints:
+        """(w,) the material cell at each wall."""
+        return self.outside // 3
+
+    @cached_property
+    def void_neighbours(self) -> Ints:
+        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
+        side_a, side_b = self.surface.edges.pairs.T
+        inner = self.void[side_a // 3] & self.void[side_b // 3]
+        cell = np.full(3 * self.surface.m, -1)
+        cell[side_a[inner]], cell[side_b[inner]] = side_b[inner] // 3, side_a[inner] // 3
+        return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those before the end of an
-        open chain."""
+        """(k,) the walls `steps` (k,) after walls (k,) along their chains; and a mask, False beyond the end of an
+        open chain.
+        """
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -66,7 +88,7 @@ class Walls:
 
     @cached_property
     def chain_offsets(self) -> Floats:
-        """(c,) metres at which the chains begin when all are laid end to end."""
+        """(c,) metres at which the chains begin if all chains are laid end to end."""
         return np.asarray(np.cumsum(self.total) - self.total)
 
     def walls_at(self, chain: Ints, place: Floats) -> Ints:
@@ -75,35 +97,45 @@ class Walls:
         wall = np.searchsorted(before[self.chain] + self.place, before[chain] + place, side="right") - 1
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
-    def points(self, V: Floats, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) the points at shares (k,) of walls (k,), on vertices V (n, 3)."""
-        segment_start, segment_end = V[self.start[wall]], V[self.end[wall]]
+    def points(self, wall: Ints, share: Floats) -> Floats:
+        """(k, 3) the points at shares (k,) of the lengths of walls (k,)."""
+        segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 
-    def nearest(self, V: Floats, points: Floats) -> tuple[Ints, Floats]:
-        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on them, on vertices V (n, 3)."""
-        nearest_places = nearest(points, V, np.stack([self.start, self.end], axis=1))
-        return nearest_places.simplex, nearest_places.place
+    def nearest(self, points: Floats) -> tuple[Ints, Floats]:
+        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on these walls."""
+        nearest = nearest_places(points, self.surface.V, np.stack([self.start, self.end], axis=1))
+        return nearest.simplex, nearest.place
 
-    def turns(self, sheet: Sheet) -> Floats:
+    @cached_property
+    def turns(self) -> Floats:
         """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
 
         Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner.
         """
-        F, V = sheet.surface.F[~sheet.material], sheet.surface.V
-        angle: Floats = np.zeros(sheet.surface.n)
+        F, V, n = self.surface.F[self.void], self.surface.V, self.surface.n
+        angle: Floats = np.zeros(n)
         for c in range(3):
             u, v = (V[F[:, (c + k) % 3]] - V[F[:, c]] for k in (1, 2))
             size = np.linalg.norm(np.cross(u, v), axis=1)
-            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), sheet.surface.n)
+            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), n)
         turn = np.pi - angle[self.start]
         turn[self.begin[:-1][~self.closed]] = -np.inf
         return turn
 
+    @cached_property
+    def void_normals(self) -> Floats:
+        """(n', 3) sum of the normals of the void cells around each vertex, weighted by area."""
+        cells = np.flatnonzero(self.void)
+        vector = (self.surface.normals * self.surface.areas[:, None])[cells]
+        return group_sums(self.surface.F[cells].ravel(), np.repeat(vector, 3, axis=0), self.surface.n)
+
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the next position (k,) of each in its chain; the last leads to the first. chains (k,) are runs of one
-    number."""
+    """Return the next position (k,) of each in its chain; the last leads to the first.
+
+    chain : (k,) the chain of each position, in runs of one number.
+    """
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -111,7 +143,6 @@ def next_in_chains(chain: Ints) -> Ints:
 
 
 def _next_walls(surface: Surface, a: Ints, b: Ints) -> Ints:
-    """(w,) the wall after each wall from a to b, or -1 at a boundary and where several walls meet."""
     ends = surface.edges.ends[surface.edges.boundary]
     single = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
     single[ends] = False
@@ -121,7 +152,6 @@ def _next_walls(surface: Surface, a: Ints, b: Ints) -> Ints:
 
 
 def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
-    """The walls chain by chain, the limits of the chains, and a mask of the closed ones."""
     headless = np.ones(len(onward), dtype=bool)
     headless[onward[onward >= 0]] = False
     follow, seen = onward.tolist(), bytearray(len(onward))
@@ -141,9 +171,11 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains; a part that runs over the beginning of a closed chain has two entries.
+    """Parts (p,) of chains. A part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry."""
+    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry.
+    before    : (c,) metres at which the chains begin.
+    """
 
     low: Floats
     high: Floats
@@ -152,7 +184,7 @@ class Stretches:
 
     @classmethod
     def from_chains(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Return parts of chains (p,), from a place (p,) along each, of a length (p,), all in metres."""
+        """Return parts of chains (p,) from a place (p,), metres along each chain, with lengths (p,) in metres."""
         before, total = walls.chain_offsets, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
