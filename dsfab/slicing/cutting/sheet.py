@@ -64,22 +64,14 @@ class SheetPart:
 class LineKind(IntEnum):
     """Kinds of lines that the sides of cells lie on."""
 
-    NONE = 0
-    """No line: the side is inside the material or inside the void."""
-    RIM = 1
-    """The boundary of the uncut surface."""
-    END = 2
-    """An end of material along edges of the uncut mesh, where stripes have no phase."""
-    LEVEL = 3
-    """A level of a field: an edge of a stripe, or the outline of a kept region."""
-    FILLET = 4
-    """The chords of a round corner."""
-    STRIP = 5
-    """The outline of a bridge, of a strip beside a member or of a straightened bar."""
-    DISC = 6
-    """The outline of discs at point contacts."""
-    CHORD = 7
-    """The chords along which spikes were cut off."""
+    NONE = 0  # the side is inside the material or inside the void
+    RIM = 1  # the boundary of the uncut surface
+    END = 2  # edges of the uncut mesh, where stripes end because they have no phase
+    LEVEL = 3  # a level of a field: an edge of a stripe, or the outline of a kept region
+    FILLET = 4  # the chords of a round corner
+    STRIP = 5  # the outline of a bridge, of a strip beside a member, or of a straightened bar
+    DISC = 6  # the outline of discs at point contacts
+    CHORD = 7  # the chords along which spikes were cut off
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,10 +108,9 @@ class CutLines:
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
         """Return the lines and `count` more of a kind; circle (count, 7) as above."""
         number = np.arange(count) + (0 if kind == LineKind.LEVEL else int((self.kind == kind).sum()))
-        columns = (np.full(count, int(kind)), np.full(count, field), number)
-        columns = (*columns, np.zeros((count, 7)) if circle is None else circle)
-        before = (self.kind, self.field, self.number, self.circle)
-        return CutLines(*(np.concatenate(pair) for pair in zip(before, columns, strict=True)))
+        circle = np.zeros((count, 7)) if circle is None else circle
+        columns = (np.full(count, int(kind)), np.full(count, field), number, circle)
+        return CutLines(*(np.concatenate(pair) for pair in zip(vars(self).values(), columns, strict=True)))
 
 
 @dataclass(frozen=True, eq=False)

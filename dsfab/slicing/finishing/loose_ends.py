@@ -222,7 +222,8 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        sides_on += [cells.sides_on[slots][part] * _follows(part, cells.sizes[node]) for part in parts]
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # chords are not among the sides
+        sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
     sizes = np.concatenate([[0], cells.sizes[rest], [len(polygon) for polygon in polygons]])
@@ -255,10 +256,6 @@ def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
     if len(hull) < 3 or _area(X[hull]) < least:
         return [every]
     return [hull, *corners]
-
-
-def _follows(part: Ints, count: int) -> Bools:
-    return np.asarray(np.roll(part, -1) == (part + 1) % count)
 
 
 def _area(X: Floats) -> float:
