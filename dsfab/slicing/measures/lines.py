@@ -21,7 +21,7 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 class Labels(NamedTuple):
     """Boundary edges of a material sheet: half-edge, first and last vertex, curve, and family, (k,) each.
 
-    The curve is the line of the sheet, or -1 for all edges of stripes: those of one family meet only at a tip.
+    The curve is the line of the sheet, or -1 - k for all levels of field k, because these meet at tips only.
     The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
     """
 
@@ -37,7 +37,7 @@ def outline_labels(sheet: Sheet) -> Labels:
     h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
     line = sheet.sides_on.ravel()[h]
-    curve = np.where(sheet.lines.kind[line] == LineKind.LEVEL, -1, line)
+    curve = np.where(sheet.lines.kind[line] == LineKind.LEVEL, -1 - sheet.lines.field[line], line)
     return Labels(h, a, b, curve, np.where(line == LineKind.RIM, VOID, sheet.family[h // 3]))
 
 
