@@ -64,7 +64,7 @@ def test_the_sheet_is_the_same_without_a_trial_cut(dome):
 def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     design = drawn(dome)
     cuts = counting(monkeypatch, slicing_and_thickening, "tidied_sheet")
-    finished = counting(monkeypatch, finish, "unrounded_sheet")
+    finished = counting(monkeypatch, finish, "passes_before_rounding")
     assert design.slicing.sheet.surface.m
     assert cuts == finished == []
     assert design.pattern.trial is None  # its memory is needed later

@@ -42,15 +42,19 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
              varies over a face: two fields z + d and z - d, with levels at the middles of the stripes. A `CornerField`
              holds values that differ between the faces at a vertex. A `DividedField` is linear over parts of faces;
              all divided fields have one division, and come before any `CornerField`.
-    levels : ascending values for each field. Strip j of a field has j levels below it. Odd strips are material, and so
-             is the union over the fields. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
-             Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
+    levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material. Two
+             equal levels (see `LEVEL_GAP`) enclose nothing and are left out. For a pair of fields, material has more
+             levels below the first field than below the second field: |z - level| < d.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
-             onto it. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact areas; a
-             floor of `SNAP_FLOOR` always holds, and corners of cells without area move too.
+             onto the level. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact
+             areas; a floor of `SNAP_FLOOR` always holds, and corners of cells without area move, too.
 
-    Later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
-    Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
+    A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
+    that
+    lies wholly on a level is void. The cells are in the order of their parent faces, and the first n vertices are
+    those of
+    the surface.
+
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
     return sheet_of(cut_polygons(surface, fields, levels, snap))
@@ -85,7 +89,10 @@ def polygons_along(
     divided_again: DividedAgain | None = None,
     mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`."""
+    """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
+
+    divided_again : marks material of each field that later fields divide, too; default: none.
+    """
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -134,7 +141,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """The splits of the void polygons by a plain field or a pair, x at their vertices; and the mask of the material.
+    """Split the void polygons by a plain field or a pair, x at their vertices; return also a mask of the material.
 
     edges : (l, 1 or 2) the lines of the mesh on the levels of each field.
     """
@@ -153,7 +160,7 @@ def _band(
 
             x[:, 0] = level . ' material
         . '        ' .                      The two lines of a stripe meet at its tip: there the second split
-          void         x[:, 1] = level      finds the vertex of the first one on its level.
+          void         x[:, 1] = level      finds the vertex of the first split on its level.
     """
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):

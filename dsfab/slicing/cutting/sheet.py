@@ -215,7 +215,9 @@ class Sheet:
         row, column = weights.coords
         corner_place = (F[parent[row]] == column[:, None]).argmax(axis=1)
         values = weights.data[:, None] * x[parent[row], corner_place]
-        return np.asarray(np.where((corner >= 0)[:, None], group_sums(row, values, self.surface.n), 0.0))
+        return np.asarray(
+            np.where((corner >= 0)[:, None], group_sums(row.astype(np.int64), values, self.surface.n), 0.0)
+        )
 
     def vertices_between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
         """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, face_angles, group_sums
 from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
@@ -113,12 +113,9 @@ class Walls:
 
         Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner.
         """
-        F, V, n = self.surface.F[self.void], self.surface.V, self.surface.n
-        angle: Floats = np.zeros(n)
-        for c in range(3):
-            u, v = (V[F[:, (c + k) % 3]] - V[F[:, c]] for k in (1, 2))
-            size = np.linalg.norm(np.cross(u, v), axis=1)
-            angle += np.bincount(F[:, c], np.arctan2(size, np.einsum("ki,ki->k", u, v)), n)
+        F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
+        for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
+            angle += np.bincount(corner, angles, self.surface.n)
         turn = np.pi - angle[self.start]
         turn[self.begin[:-1][~self.closed]] = -np.inf
         return turn

@@ -173,7 +173,7 @@ class CollapseMoves(NamedTuple):
 
     def subset(self, which: Bools | Ints) -> "CollapseMoves":
         """Return the chosen (k,) moves."""
-        return CollapseMoves(self.v[which], self.w[which], self.strayed[which])
+        return CollapseMoves._make(column[which] for column in self)
 
 
 def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:

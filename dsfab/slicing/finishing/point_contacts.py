@@ -81,7 +81,7 @@ def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corner
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             V = sheet.surface.V
-            distance = _corner_distance(sheet, group, radius) if corners else cKDTree(V[group]).query(V)[0]
+            distance = _corner_distance(sheet, group, radius) if corners else np.asarray(cKDTree(V[group]).query(V)[0])
             sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
     return sheet, count
 

@@ -25,7 +25,7 @@ class FarEnds(NamedTuple):
 
     def subset(self, chosen: Ints) -> "FarEnds":
         """Return the chosen (k,) ends."""
-        return FarEnds(*(column[chosen] for column in self))
+        return FarEnds._make(column[chosen] for column in self)
 
 
 class _Lines(NamedTuple):
@@ -41,7 +41,7 @@ class _Lines(NamedTuple):
     way: Floats
 
     def subset(self, active: Bools) -> "_Lines":
-        return _Lines(*(column[active] for column in self))
+        return _Lines._make(column[active] for column in self)
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
