@@ -121,7 +121,7 @@ def _path_ends(surface: Surface, singular: Bools) -> Ints:
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
-    half_edge = edges.order[edges.start[:-1][edges.boundary]]
+    half_edge = edges.outline
     name[half_edge // 3] = 1 + loop[edges.ends[edges.boundary, 0]]
     name[singular] = 1 + count + np.arange(singular.sum())
     return np.unique(np.append(name, 0), return_inverse=True)[1][:-1].astype(np.int64)

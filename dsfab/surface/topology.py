@@ -42,6 +42,11 @@ class EdgeTable:
         return np.stack([self.order[starts], self.order[starts + 1]], axis=1)
 
     @cached_property
+    def outline(self) -> Ints:
+        """(k,) half-edges on the boundary."""
+        return np.asarray(self.order[self.start[:-1][self.boundary]])
+
+    @cached_property
     def twins(self) -> Ints:
         """Opposite half-edge (3 m,) of each half-edge; -1 on an edge with one face or more than two."""
         twin = np.full(self.of.size, -1)
@@ -200,7 +205,7 @@ def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
         return False
     start = np.full(n, -1)
     start[F] = np.arange(3 * len(F)).reshape(-1, 3)
-    alone = edges.order[edges.start[:-1][edges.boundary]]
+    alone = edges.outline
     start[F.ravel()[alone]] = alone
     onward = np.ascontiguousarray(edges.twins.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
     start = start[start >= 0]

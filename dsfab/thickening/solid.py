@@ -319,7 +319,7 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
         return count, pieces(F, edge_table(F))[0]
     open_ = np.zeros(count, dtype=bool)
     edges = surface.edges
-    open_[label[edges.order[edges.start[:-1][edges.boundary]] // 3]] = True
+    open_[label[edges.outline // 3]] = True
     return count, count + int((~open_).sum())
 
 

@@ -29,10 +29,10 @@ def striped(surface: Surface, seed: int = 0, snap: float = 0.0) -> Sheet:
     return resolve_pinches(cells, 0.2 * surface.mean_edge).sheet
 
 
-def outline(sheet: Sheet, uncut: Surface) -> dict[int, np.ndarray]:
+def outline(sheet: Sheet) -> dict[int, np.ndarray]:
     """Segments (k, 2, 3) of the outline of the material, by family."""
     kept = sheet.subset()
-    found = outline_labels(kept, uncut)
+    found = outline_labels(kept)
     return {
         int(family): kept.surface.V[np.stack([found.start, found.end], axis=1)[found.family == family]]
         for family in np.unique(found.family)
@@ -55,7 +55,7 @@ def check_improved(surface: Surface, sheet: Sheet, tolerance: float) -> Improved
     assert euler_characteristic(new.F, new.edges) == euler_characteristic(old.F, old.edges)
     assert pieces(new.F, new.edges)[0] == pieces(old.F, old.edges)[0]
     assert len(new.loops) == len(old.loops)
-    before, after = outline(sheet, surface), outline(done.sheet, surface)
+    before, after = outline(sheet), outline(done.sheet)
     length = sum(np.linalg.norm(s[:, 1] - s[:, 0], axis=1).sum() for s in before.values())
     assert abs(new.area - old.area) <= tolerance * length + 1e-10 * surface.area
     assert done.strayed <= tolerance

@@ -82,6 +82,9 @@ def test_an_archived_design_reads_back_equal(design, tmp_path):
         same(ours.F, theirs.F)
     same(design.sheet.parent, back.sheet.parent)
     same(design.sheet.family, back.sheet.family)
+    same(design.sheet.sides_on, back.sheet.sides_on)
+    for ours, theirs in zip(vars(design.sheet.lines).values(), vars(back.sheet.lines).values(), strict=True):
+        same(ours, theirs)
     assert (design.sheet.weights != back.sheet.weights).nnz == 0
     same(design.solid.V, back.solid.V)
     same(design.solid.F, back.solid.F)

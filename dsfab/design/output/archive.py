@@ -19,6 +19,7 @@ from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import FileSurface, MeshSurface, OwnSurface
 from dsfab.results import EvenStripes, PatternResult, StripeSteering
 from dsfab.slicing import Chart, Sheet
+from dsfab.slicing.cutting.sheet import CutLines
 from dsfab.surface import Surface, ply_chunks
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.thickening import Repairs, Solid
@@ -109,7 +110,7 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 
 
 NAME = "design.npz"
-LAYOUT = 1
+LAYOUT = 2
 """Version of the archive; dsfab does not read other versions."""
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
 """Sections of a preset that determine a design; `export` only determines the files."""
@@ -153,8 +154,16 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
     }
     arrays = {"about": np.array(json.dumps(about)), "V": design.surface.V, "F": design.surface.F}
     weights = {"data": sheet.weights.data, "indices": sheet.weights.indices, "indptr": sheet.weights.indptr}
-    cut = {"V": sheet.surface.V, "F": sheet.surface.F, "parent": sheet.parent, "family": sheet.family, **weights}
-    arrays |= {f"sheet_{key}": array for key, array in cut.items()} | {"solid_V": solid.V, "solid_F": solid.F}
+    sheet_arrays = {
+        "V": sheet.surface.V,
+        "F": sheet.surface.F,
+        "parent": sheet.parent,
+        "family": sheet.family,
+        "sides_on": sheet.sides_on,
+        **weights,
+        **{f"line_{key}": array for key, array in vars(sheet.lines).items()},
+    }
+    arrays |= {f"sheet_{key}": array for key, array in sheet_arrays.items()} | {"solid_V": solid.V, "solid_F": solid.F}
     for key, group in (("levels", pattern.levels), ("half_width", pattern.half_widths)):
         arrays |= {f"{key}_{k}": array for k, array in enumerate(group)}
     for k, field in enumerate(pattern.fields):
@@ -190,6 +199,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
     surface, sheet = Surface(archive["V"], archive["F"]), Surface(archive["sheet_V"], archive["sheet_F"])
     rows = archive["sheet_data"], archive["sheet_indices"], archive["sheet_indptr"]
     weights = csr_array(rows, shape=(sheet.n, surface.n))
+    lines = CutLines(*(archive[f"sheet_line_{key}"] for key in ("kind", "field", "number", "circle")))
     names, solid_facts = about["names"], about["solid"]
     levels, half_widths = (
         tuple(archive[f"{key}_{k}"] for k in range(len(names)) if f"{key}_{k}" in archive)
@@ -208,12 +218,13 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
         tuple(about["phase"]),
         even=even_stripes_from(surface, archive),
     )
+    columns = archive["sheet_parent"], archive["sheet_family"]
     repairs = Repairs(rung=solid_facts["rung"])
     return Design.from_results(
         preset,
         surface=surface,
         pattern=pattern,
-        sheet=Sheet(sheet, archive["sheet_parent"], archive["sheet_family"], weights),
+        sheet=Sheet(sheet, *columns, weights, 0, archive["sheet_sides_on"], lines),
         solid=Solid(
             archive["solid_V"], archive["solid_F"], solid_facts["genus"], solid_facts["pieces"], repairs=repairs
         ),

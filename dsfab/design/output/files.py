@@ -24,7 +24,7 @@ from dsfab.members import Member, cells_by_stripes
 from dsfab.preset.model import Export
 from dsfab.preset.surface_section import FileSurface
 from dsfab.results import PatternResult
-from dsfab.slicing import Sheet, cut
+from dsfab.slicing import PolygonMesh, Sheet, cut_polygons, sheet_of
 from dsfab.slicing.measures.lines import outline_corners, outline_labels
 from dsfab.surface import Surface, corner_fans, half_edges, link_components, pieces
 from dsfab.surface.orientation import flips_along_tree, one_sided_pieces
@@ -69,8 +69,9 @@ class OpenedSurface(NamedTuple):
             shape=(len(vertex), self.surface.n),
         )
         rows.eliminate_zeros()
-        cut = Sheet(Surface(oriented.V[vertex], F), sheet.parent, sheet.family, rows)
-        return cut, np.asarray(oriented.edges.pairs[seam[oriented.edges.count == 2]])
+        sides_on = np.where(self.turned[sheet.parent][:, None], sheet.sides_on[:, ::-1], sheet.sides_on)
+        opened = Sheet(Surface(oriented.V[vertex], F), sheet.parent, sheet.family, rows, 0, sides_on, sheet.lines)
+        return opened, np.asarray(oriented.edges.pairs[seam[oriented.edges.count == 2]])
 
 
 def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
@@ -207,7 +208,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
     if isinstance(form, MemberFormat):
         return design.sheet.surface, {"details": _MEMBER_DETAILS[form.content](design)}
     if isinstance(form, MeshFormat):
-        corners = outline_corners(design.sheet, design.surface)
+        corners = outline_corners(design.sheet)
         material = design.preset.statics.material or ""
         details = Details(measures=_measures(design), material=material, origin=_origin(design))
         step = replace(step_options(options), corners=corners, curved=partial(curved_design, design))
@@ -327,24 +328,24 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
     if opening:
         D, twins = opening.offsets(offset.at_corners(surface.F)), opening.twins
         surface, sheet = opening.surface, opening.sheet(sheet)[0]
-    cut_in = partial(divided_sheet, surface, sheet, D)
+    cut_in = partial(divided_sheet, sheet, D)
     return Curved(surface.V, surface.F, D, SHIFT[side], cut_in, twins=twins)
 
 
-def divided_sheet(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
-    """Return the sheet, divided into charts: chart k is the part where column k of `fields` (n, c), on the uncut
-    surface, is
-    the largest. snap : see `cut`."""
+def divided_sheet(sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
+    """Return the sheet, cut along the upper envelope of fields (n, c) on the uncut surface; snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
         over = [fields[:, k] - fields[:, k + 1 :].max(axis=1) for k in range(count - 1)]
-        parts = cut(sheet.surface, [sheet.carry(x) for x in over], [np.zeros(1)] * len(over), snap)
+        cells = PolygonMesh.from_surface(sheet.surface).with_lines_of(sheet)
+        levels = [np.zeros(1)] * len(over)
+        parts = sheet_of(cut_polygons(sheet.surface, [sheet.carry(x) for x in over], levels, snap, mesh=cells))
         chart = np.where(parts.material, parts.family, count - 1)
         family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
-        sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
+        sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights, 0, parts.sides_on, parts.lines)
         chart = _where_largest(sheet.carry(fields), sheet.surface.F, chart)
-    labels = outline_labels(sheet, surface)
+    labels = outline_labels(sheet)
     return DividedSheet(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
 
 

@@ -1,6 +1,6 @@
 """`Cells`: convex polygons on shared vertices, their triangulation, and values snapped onto levels."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
+from dsfab.surface.topology import half_edges
 
 CHUNK = 1 << 13
 """Number of polygons that are measured together, because these fit the processor's cache."""
@@ -18,6 +19,8 @@ class Cells:
     """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
 
     start : (c + 1,).    corner : (h,) vertices.
+    sides_on : (h,) the line that each side lies on, a row of `CutLines`; 0 for none, and -1 - l for a side that a split
+               has just put on its level l.
 
     A slot is an index into `corner`. It also stands for the side from that corner to the next. `PolygonMesh` and
     `Split` use this array; it has neither positions nor families, so it is no sheet by itself.
@@ -25,11 +28,18 @@ class Cells:
 
     start: Ints
     corner: Ints
+    sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        if len(self.sides_on) != len(self.corner):  # the caller knows no lines
+            object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
-    def triangles(cls, F: Ints) -> "Cells":
-        """Return the triangles F (m, 3) as polygons."""
-        return cls(np.arange(0, 3 * len(F) + 1, 3), F.ravel())
+    def triangles(cls, F: Ints, sides_on: Ints | None = None) -> "Cells":
+        """Return the triangles F (m, 3), with sides on lines (m, 3), as polygons."""
+        return cls(
+            np.arange(0, 3 * len(F) + 1, 3), F.ravel(), (np.zeros_like(F) if sides_on is None else sides_on).ravel()
+        )
 
     @cached_property
     def sizes(self) -> Ints:
@@ -78,7 +88,34 @@ class Cells:
 
     def subset(self, which: Ints) -> "Cells":
         """Return the polygons (k,) as a separate list."""
-        return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
+        slots = self.slots(which)
+        return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
+
+    def with_new_lines(self, lines: Ints) -> "Cells":
+        """Return the polygons with the sides that a split put on its levels on lines (l or 1, c or 1) of `CutLines`."""
+        side = np.flatnonzero(self.sides_on < 0)
+        if not len(side):
+            return self
+        sides_on, level, polygon = self.sides_on.copy(), -1 - self.sides_on[side], self.owner[side]
+        sides_on[side] = lines[level if len(lines) > 1 else 0, polygon if lines.shape[1] > 1 else 0]
+        return Cells(self.start, self.corner, sides_on)
+
+    def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
+        """Return the lines (m, 3) that the sides of triangles F (m, 3) in polygons (m,) lie on."""
+        slot = np.flatnonzero(self.sides_on)
+        n, owner, last = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
+        key = owner * n + self.corner[slot]
+        order = sorted_order(key)
+        a, b = half_edges(F)
+        on_line = np.zeros(len(self.sizes), dtype=bool)
+        on_line[owner] = True
+        half_edge = np.flatnonzero(np.repeat(on_line[polygon], 3))
+        half_edge_key = polygon[half_edge // 3] * n + a[half_edge]
+        row = order[np.minimum(np.searchsorted(key[order], half_edge_key), len(order) - 1)] if len(order) else half_edge
+        on_slot = (key[row] == half_edge_key) & (last[row] == b[half_edge])
+        sides_on = np.zeros(3 * len(F), dtype=np.int64)
+        sides_on[half_edge[on_slot]] = self.sides_on[slot[row[on_slot]]]
+        return sides_on.reshape(-1, 3)
 
     def _slice(self, begin: int, end: int) -> "Cells":
         start = self.start[begin : end + 1]

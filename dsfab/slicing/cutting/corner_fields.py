@@ -1,5 +1,6 @@
 """Stripes of a corner field cut out of polygons, with each vertex evaluated once for all of its polygons."""
 
+import dataclasses
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -114,9 +115,12 @@ class PolygonField:
             self.mesh.cells, self.slot_values(side), self.blank if foreign is None else foreign
         )
 
-    def after_split(self, split: Split, side: int) -> "PolygonField":
-        """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly."""
-        mesh, following = self.mesh.after_split(split), self.mesh.cells.following
+    def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
+        """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly.
+
+        lines : (l, 1) the lines of the mesh on the levels.
+        """
+        mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
         low = np.where(up, split.side, following[split.side])
@@ -154,11 +158,12 @@ class PolygonField:
 
 
 def corner_band(
-    mesh: PolygonMesh, field: CornerField, levels: Floats, snap: float, tip: float, size: float
+    mesh: PolygonMesh, field: CornerField, levels: Floats, snaps: tuple[float, float], size: float, edges: Ints
 ) -> tuple[PolygonMesh, Bools]:
     """Cut the void polygons along the edges of the stripes of a corner field; return also a mask (c',) of new material.
 
-    snap, tip : see `cut` and `TIP`.    size : of the surface, metres.
+    snaps : snap fraction and tip, see `cut` and `TIP`.    size : of the surface, metres.
+    edges : (l, 2) the lines of the mesh that are the edges of each stripe.
 
     If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
     next face. Both fields divide such a mesh edge before the cut, so that both faces get the same vertices.
@@ -170,8 +175,8 @@ def corner_band(
         return mesh, np.zeros(len(void), dtype=bool)
     seen = PolygonField.from_field(mesh, field)
     solid, empty = cells_without_edges(mesh.cells, np.stack([seen.slot_values(0), seen.slot_values(1)], axis=1), levels)
-    cutting = StripeCut(seen, levels, tip, size, void & ~solid & ~empty, void & solid)
-    cutting = cutting.with_snapped_stripes(snap)
+    cutting = StripeCut(seen, levels, snaps[1], size, void & ~solid & ~empty, void & solid, edges=edges)
+    cutting = cutting.with_snapped_stripes(snaps[0])
     for side in (0, 1):
         cutting = cutting.with_turned_edges(side)
     cutting, above = cutting.cut_along_levels(0, above=False)
@@ -218,6 +223,7 @@ class StripeCut:
     """A corner field during a cut, with the polygons (c,) that are active or solid.
 
     source : (c,) the polygon that each was before the last split.
+    edges  : (l, 2) lines of the mesh, see `corner_band`.
     """
 
     seen: PolygonField
@@ -227,6 +233,7 @@ class StripeCut:
     active: Bools
     solid: Bools
     source: Ints | None = None
+    edges: Ints = dataclasses.field(default_factory=lambda: np.zeros((1, 2), dtype=np.int64))
 
     def _side_ends(self, side: int) -> tuple[Ints, Ints, Floats]:
         place, y = self.seen.value_index(side), self.seen.slot_values(side)
@@ -295,5 +302,5 @@ class StripeCut:
 
     def _after_split(self, split: Split, side: int) -> "StripeCut":
         source = split.source
-        seen = self.seen.after_split(split, side)
+        seen = self.seen.after_split(split, side, self.edges[:, side : side + 1])
         return replace(self, seen=seen, active=self.active[source], solid=self.solid[source], source=source)

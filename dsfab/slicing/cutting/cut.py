@@ -20,7 +20,7 @@ from dsfab.slicing.cutting.cells import (
 )
 from dsfab.slicing.cutting.corner_fields import corner_band
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.sheet import LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, Split, clean_split
 from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
@@ -62,15 +62,22 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
     """Fill the polygons of `cut_polygons` with triangles; raise PatternError in the same cases as `cut`."""
-    cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
-    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
+    cut_surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs, sides_on, mesh.lines)
 
 
 def cut_polygons(
-    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05
+    surface: Surface,
+    fields: Sequence[Field],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
-    """Return the polygons of `cut` before they are filled with triangles."""
-    return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap)
+    """Return the polygons of `cut` before they are filled with triangles.
+
+    mesh : the faces of the surface as void polygons, with lines of an earlier cut.
+    """
+    return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
 def polygons_along(
@@ -80,6 +87,7 @@ def polygons_along(
     levels: Sequence[Floats],
     snap: float,
     divided_again: DividedAgain | None = None,
+    mesh: PolygonMesh | None = None,
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
 
@@ -88,17 +96,19 @@ def polygons_along(
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
-    mesh = PolygonMesh.from_surface(surface, divided)
+    mesh = mesh or PolygonMesh.from_surface(surface, divided)
     for k, (field, x, lines) in enumerate(zip(fields, values, levels, strict=True)):
-        blank = np.zeros(surface.m, dtype=bool)
+        blank, sides = np.zeros(surface.m, dtype=bool), x.ndim
+        edges = mesh.lines.count + np.arange(sides * len(lines)).reshape(-1, sides)
+        mesh = replace(mesh, lines=mesh.lines.with_more(LineKind.LEVEL, edges.size, k))
         if isinstance(field, CornerField):
-            mesh, material = corner_band(mesh, field, lines, snap, _tip_snap(snap), surface.size)
+            mesh, material = corner_band(mesh, field, lines, (snap, _tip_snap(snap)), surface.size, edges)
             blank = field.blank
         else:
             y = on_parts[k] if isinstance(field, DividedField) else np.asarray(mesh.weights @ x)
-            splits, material = _plain_splits(mesh, y, lines, snap, surface.size)
-            for split in splits:
-                mesh = mesh.after_split(split)
+            splits, material = _plain_splits(mesh, y, lines, snap, surface.size, edges)
+            for side, split in enumerate(splits):
+                mesh = mesh.after_split(split, edges[:, side : side + 1])
                 on_parts = {j: split.with_new_values(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
         if divided_again:
@@ -128,16 +138,21 @@ def _tip_snap(snap: float) -> float:
     return min(max(snap, LEVEL_GAP), TIP)
 
 
-def _plain_splits(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
-    """Split the void polygons by a plain field or a pair, x at their vertices; return also a mask of the material."""
+def _plain_splits(
+    mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
+) -> tuple[list[Split], Bools]:
+    """Split the void polygons by a plain field or a pair, x at their vertices; return also a mask of the material.
+
+    edges : (l, 1 or 2) the lines of the mesh on the levels of each field.
+    """
     if x.ndim == 2:
-        return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
+        return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
     return [split], (split.strip > 0) & (split.strip % 2 == 1)
 
 
 def _band(
-    cells: Cells, X: Floats, x: Floats, levels: Floats, void: Bools, snap: float, size: float
+    mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
     """Two splits of the void cells, by x[:, 0] and by x[:, 1], and the mask of the resulting material cells.
 
@@ -147,6 +162,7 @@ def _band(
         . '        ' .                      The two lines of a stripe meet at its tip: there the second split
           void         x[:, 1] = level      finds the vertex of the first split on its level.
     """
+    cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
     solid, empty = cells_without_edges(cells, x[cells.corner], levels)
@@ -157,19 +173,20 @@ def _band(
     tip, every = Snapping(_tip_snap(snap), size), np.ones(len(levels), dtype=bool)
     upper_split = clean_split(cells, X, x[:, 0], levels, active, tip, above=~every)
     X, lower_values = upper_split.with_new_values(X), upper_split.with_new_values(x[:, 1])
-    lower_split = clean_split(upper_split.cells, X, lower_values, levels, active[upper_split.source], tip, above=every)
+    cells = upper_split.cells.with_new_lines(edges[:, :1])
+    lower_split = clean_split(cells, X, lower_values, levels, active[upper_split.source], tip, above=every)
     in_stripe = upper_split.strip[lower_split.source] > lower_split.strip
     return [upper_split, lower_split], solid[upper_split.source][lower_split.source] | in_stripe
 
 
-def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
-    """Fill polygons (c,) with triangles; return also the polygon (m',) of each triangle, ascending.
+def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
+    """Fill polygons (c,) with triangles; return also the polygon (m',) of each, ascending, and lines of sides (m', 3).
 
     Raises PatternError for triangles without area; the error names their parent faces (c,).
     """
     F, cell = triangulate(cells, X)
     try:
-        return Surface(X, F), cell
+        return Surface(X, F), cell, cells.triangle_sides(F, cell)
     except SurfaceError as refused:
         a, b, c = (X[F[:, i]] for i in range(3))
         areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -232,9 +249,10 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
     selected[cell_a[touching]] = selected[cell_b[touching]] = True
     source = np.flatnonzero(selected)
     vertices, F = np.unique(surface.F[source], return_inverse=True)
-    triangles, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
+    triangles, X = Cells.triangles(F.reshape(-1, 3), sheet.sides_on[source]), surface.V[vertices]
     weights, parent, family = sheet.weights[vertices], sheet.parent[source], sheet.family[source]
-    return PolygonMesh.from_cells(F, triangles, X, weights, parent, family), source
+    mesh = PolygonMesh.from_cells(F, triangles, X, weights, parent, family)
+    return replace(mesh, lines=sheet.lines), source
 
 
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
@@ -249,15 +267,16 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
     new_count = len(mesh.X) - len(vertices)
     number = np.concatenate([vertices, surface.n + np.arange(new_count)])
     start = np.concatenate([3 * np.arange(len(unchanged)), 3 * len(unchanged) + mesh.cells.start])
-    cells = Cells(start, np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]]))
+    corner = np.concatenate([surface.F[unchanged].ravel(), number[mesh.cells.corner]])
+    cells = Cells(start, corner, np.concatenate([sheet.sides_on[unchanged].ravel(), mesh.cells.sides_on]))
     source_cell = np.concatenate([unchanged, source])
     order = sorted_order(source_cell)
     X = np.concatenate([surface.V, mesh.X[len(vertices) :]])
     weights = csr_array(vstack([sheet.weights, mesh.weights[len(vertices) :]], format="csr"))
     cells, parent = cells.subset(order), sheet.parent[source_cell[order]]
     family = np.concatenate([sheet.family[unchanged], mesh.family])[order]
-    cut_surface, cell = filled_polygons(cells, X, parent)
-    return Sheet(cut_surface, parent[cell], family[cell], weights)
+    cut_surface, cell, sides_on = filled_polygons(cells, X, parent)
+    return Sheet(cut_surface, parent[cell], family[cell], weights, 0, sides_on, mesh.lines)
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:

@@ -1,5 +1,6 @@
 """`PolygonMesh`: a surface divided into convex polygons between two cuts, and the contacts of its parts."""
 
+import dataclasses
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -9,7 +10,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, sorted_order
 from dsfab.slicing.cutting.cells import Cells
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, CutLines, LineKind, Sheet
 from dsfab.slicing.cutting.split import Split
 from dsfab.surface import Surface
 from dsfab.surface.fields import DividedSurface
@@ -24,6 +25,7 @@ class PolygonMesh:
     again : (c,) material that later fields divide, too.
     also  : (c,) a second field that makes the same polygon material, at a crossing; else `VOID`.
     stubs : number of removed and straightened stripes, see `Sheet`.
+    lines : the lines that sides of polygons lie on, see `Cells.sides_on`.
     """
 
     F: Ints
@@ -35,23 +37,28 @@ class PolygonMesh:
     again: Bools
     also: Ints
     stubs: int = 0
+    lines: CutLines = dataclasses.field(default_factory=CutLines.first_three)
 
     @classmethod
     def from_surface(cls, surface: Surface, divided: DividedSurface | None = None) -> Self:
         """Return the faces of a surface as void polygons, or the parts that `divided` makes of them."""
         if divided:
             parts = divided.surface
-            cells, family = Cells.triangles(parts.F), np.full(parts.m, VOID)
+            cells, family = Cells.triangles(parts.F, _rim(parts)), np.full(parts.m, VOID)
             return cls.from_cells(surface.F, cells, parts.V, divided.weights, divided.parent, family)
         n, m = surface.n, surface.m
-        cells, weights = Cells.triangles(surface.F), csr_array(eye_array(n))
+        cells, weights = Cells.triangles(surface.F, _rim(surface)), csr_array(eye_array(n))
         return cls.from_cells(surface.F, cells, surface.V, weights, np.arange(m), np.full(m, VOID))
 
     @classmethod
     def from_sheet(cls, sheet: Sheet) -> Self:
-        """Return the cells of a sheet as polygons."""
-        F = sheet.surface.F
-        return cls.from_cells(F, Cells.triangles(F), sheet.surface.V, sheet.weights, sheet.parent, sheet.family)
+        """Return the cells of a sheet as polygons, with their lines."""
+        F, V = sheet.surface.F, sheet.surface.V
+        return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
+
+    def with_lines_of(self, sheet: Sheet) -> Self:
+        """Return the triangles of a sheet, which these polygons must be, with the lines that their sides lie on."""
+        return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
     def from_cells(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
@@ -86,12 +93,16 @@ class PolygonMesh:
         """(n',) one uncut vertex near each vertex: a corner of the edge or face that the vertex lies in."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
-    def after_split(self, split: Split) -> "PolygonMesh":
-        """Return the mesh divided by a split."""
+    def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
+        """Return the mesh divided by a split.
+
+        lines : (l, c') lines of the split's levels in its polygons; one row or column stands for all; None for no line.
+        """
         weights = weights_after_split(self.weights, split)
-        source = split.source
-        X, parent, family = split.with_new_values(self.X), self.parent[source], self.family[source]
-        return PolygonMesh(self.F, split.cells, X, weights, parent, family, self.again[source], self.also[source])
+        cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
+        names, source = ("parent", "family", "again", "also"), split.source
+        columns = {name: getattr(self, name)[source] for name in names}
+        return replace(self, cells=cells, X=split.with_new_values(self.X), weights=weights, **columns)
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
@@ -129,6 +140,13 @@ class PolygonMesh:
         """Return the places (k,), 0 to 2, of uncut vertices (k,) among the corners of faces (k,)."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
+
+
+def _rim(surface: Surface) -> Ints:
+    """(m, 3) `LineKind.RIM` for half-edges on the boundary of a surface."""
+    sides_on = np.zeros(3 * surface.m, dtype=np.int64)
+    sides_on[surface.edges.outline] = LineKind.RIM
+    return sides_on.reshape(-1, 3)
 
 
 def corner_places(F: Ints, vertex: Ints) -> Ints:

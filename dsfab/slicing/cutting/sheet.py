@@ -1,6 +1,8 @@
 """`Sheet`: a surface cut into material and void cells, and parts of it as surfaces of their own."""
 
-from dataclasses import dataclass, replace
+import dataclasses
+from dataclasses import dataclass
+from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
@@ -59,6 +61,58 @@ class SheetPart:
         return np.asarray(self.surface.edges.boundary & ~self.cut_surface.edges.boundary[self.parent_edges])
 
 
+class LineKind(IntEnum):
+    """Kinds of lines that the sides of cells lie on."""
+
+    NONE = 0  # the side is inside the material or inside the void
+    RIM = 1  # the boundary of the uncut surface
+    END = 2  # edges of the uncut mesh, where stripes end because they have no phase
+    LEVEL = 3  # a level of a field: an edge of a stripe, or the outline of a kept region
+    FILLET = 4  # the chords of a round corner
+    STRIP = 5  # the outline of a bridge, of a strip beside a member, or of a straightened bar
+    DISC = 6  # the outline of discs at point contacts
+    CHORD = 7  # the chords along which spikes were cut off
+
+
+@dataclass(frozen=True, eq=False)
+class CutLines:
+    """Lines that the sides of cells lie on. The first three are `NONE`, `RIM` and `END`.
+
+    kind   : (l,) of `LineKind`.
+    field  : (l,) index of the field of a level; -1 for other kinds.
+    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, in the count of the cell's face; for
+             other kinds it counts the lines of the kind.
+    circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds.
+    """
+
+    kind: Ints
+    field: Ints
+    number: Ints
+    circle: Floats
+
+    @classmethod
+    def first_three(cls) -> "CutLines":
+        """Return the lines of an uncut surface."""
+        return cls(np.arange(3), np.full(3, -1), np.zeros(3, dtype=np.int64), np.zeros((3, 7)))
+
+    @property
+    def count(self) -> int:
+        """Number of lines, which is the number of the next line."""
+        return len(self.kind)
+
+    @property
+    def fillets(self) -> Floats:
+        """(f, 7) centre, unit axis and radius of each fillet, metres."""
+        return np.asarray(self.circle[self.kind == LineKind.FILLET])
+
+    def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
+        """Return the lines and `count` more of a kind; circle (count, 7) as above."""
+        number = np.arange(count) + (0 if kind == LineKind.LEVEL else int((self.kind == kind).sum()))
+        circle = np.zeros((count, 7)) if circle is None else circle
+        columns = (np.full(count, int(kind)), np.full(count, field), number, circle)
+        return CutLines(*(np.concatenate(pair) for pair in zip(vars(self).values(), columns, strict=True)))
+
+
 @dataclass(frozen=True, eq=False)
 class Sheet:
     """A cut surface with n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
@@ -69,6 +123,16 @@ class Sheet:
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
     stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
+    sides_on : (m', 3) the line that each half-edge lies on, a row of `lines`. In a sheet of all cells one of the two
+              half-edges of an edge may have it. In a sheet of the material every half-edge of the outline has a line,
+              and no other half-edge:
+
+                     3
+                 +-------+.  5               1    : the rim, where a stripe ends at the boundary of the surface
+               1 |0   0 / 0 `+               3, 4 : both edges of the stripe, `LineKind.LEVEL`
+                 |  / 0   0  | 4             5    : a fillet, with its circle
+                 +-----------+               0    : inside the material
+                       4
     """
 
     surface: Surface
@@ -76,10 +140,15 @@ class Sheet:
     family: Ints
     weights: csr_array
     stubs: int = 0
+    sides_on: Ints = dataclasses.field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    lines: CutLines = dataclasses.field(default_factory=CutLines.first_three)
 
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
+        if len(self.sides_on) != self.surface.m:  # the caller knows no lines
+            object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
+        lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
         weights.sum_duplicates()
         for part in (weights.data, weights.indices, weights.indptr):
@@ -197,7 +266,21 @@ class Sheet:
             )
         part = self.material_part if mask is self.material else SheetPart.from_cells(self.surface, mask)
         weights = self.weights[part.vertices]
-        return replace(self, surface=part.surface, parent=self.parent[mask], family=self.family[mask], weights=weights)
+        columns = (self.parent[mask], self.family[mask], weights, self.stubs)
+        return Sheet(part.surface, *columns, self._outline_lines(part.surface, mask), self.lines)
+
+    @cached_property
+    def lines_of_edges(self) -> Ints:
+        """(m', 3) the line of each half-edge, or of the other half-edge of the same edge."""
+        line, twin = self.sides_on.ravel(), self.surface.edges.twins
+        return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
+
+    def _outline_lines(self, part: Surface, mask: Bools) -> Ints:
+        outline = part.edges.outline
+        sides_on = np.zeros(3 * part.m, dtype=np.int64)
+        sides_on[outline] = self.lines_of_edges[mask].ravel()[outline]
+        sides_on[outline[sides_on[outline] == 0]] = LineKind.END
+        return sides_on.reshape(-1, 3)
 
 
 def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:

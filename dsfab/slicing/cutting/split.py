@@ -18,6 +18,7 @@ class Split:
     cells  : the new polygons, on the old vertices followed by the new ones.
     source : (c',) the old polygon that each new one is a part of.
     strip  : (c',) number of levels below a new polygon; -1 for inactive ones.
+             Its new sides, and sides on a level that were on no line, lie on `sides_on` -1 - l for level l.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
     side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there.
     """
@@ -187,9 +188,9 @@ def split_cells(
         highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
     )  # these are strip numbers of polygons that no level cuts
     strip[~active] = -1
-    which = np.flatnonzero(highest > lowest)
+    sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
-    crossed = Cells(np.concatenate([[0], np.cumsum(cells.sizes[which])]), cells.corner[slots])
+    crossed = Cells(np.concatenate([[0], np.cumsum(cells.sizes[which])]), cells.corner[slots], sides_on[slots])
     sides, new_vertices = _sides(crossed, n, x, levels, active[which], slots, ends, live)
     cut = active[which] | (crossed.per_polygon(np.maximum, sides.count) > 0)
     if not cut.all():
@@ -197,7 +198,14 @@ def split_cells(
         sides, crossed, which = sides.subset(crossed.slots(kept_rows)), crossed.subset(kept_rows), which[kept_rows]
     part, label = _with_new_corners(crossed, sides)
     label[~active[which][part.owner]] = -1
-    return _with_pieces(cells, strip, which, _strip_polygons(part, label, len(levels)), new_vertices)
+    return _with_pieces(cells, sides_on, strip, which, _strip_polygons(part, label, len(levels)), new_vertices)
+
+
+def _sides_on_levels(cells: Cells, ends: tuple[Ints, Ints], active: Bools) -> Ints:
+    side = np.flatnonzero((ends[0] == ends[1]) & (ends[0] % 2 == 1) & (cells.sides_on == 0))
+    side, sides_on = side[active[cells.owner[side]]], cells.sides_on.copy()
+    sides_on[side] = -1 - ends[0][side] // 2
+    return sides_on
 
 
 def _level_places(x: Floats, levels: Floats) -> Ints:
@@ -265,7 +273,7 @@ def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
-    strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner)
+    strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner, cells.sides_on[side])
     return divided, _flat_sides_relabelled(divided, strip, sides.flat[side])
 
 
@@ -293,18 +301,29 @@ def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells,
     leaves = (strip[sides.following] != strip)[order]
     position = np.cumsum(1 + leaves) - (1 + leaves)
     corner = np.empty(len(order) + int(leaves.sum()), dtype=np.int64)
-    corner[position] = sides.corner[order]
-    corner[position[leaves] + 1] = sides.corner[sides.following[order[leaves]]]
+    sides_on = np.empty_like(corner)
+    corner[position], sides_on[position] = sides.corner[order], sides.sides_on[order]
+    chord, following = position[leaves] + 1, sides.following[order[leaves]]
+    corner[chord] = sides.corner[following]
+    sides_on[chord] = -1 - np.minimum(strip[following], strip[order[leaves]])
     begins = np.flatnonzero(np.diff(key[order], prepend=-1))
     group = key[order][begins]
     start = np.append(position[begins], len(corner))
-    return Cells(start, corner), group // (level_count + 2), group % (level_count + 2) - 1
+    return Cells(start, corner, sides_on), group // (level_count + 2), group % (level_count + 2) - 1
 
 
 def _with_pieces(
-    cells: Cells, strip: Ints, which: Ints, pieces_of_split: tuple[Cells, Ints, Ints], new_vertices: _NewVertices
+    cells: Cells,
+    sides_on: Ints,
+    strip: Ints,
+    which: Ints,
+    pieces_of_split: tuple[Cells, Ints, Ints],
+    new_vertices: _NewVertices,
 ) -> Split:
-    """Replace the polygons `which` (k,) by their pieces, in order; `strip` (c,) is that of the unchanged polygons."""
+    """Replace the polygons `which` (k,) by their pieces, in order.
+
+    sides_on, strip : (h,) and (c,) of the unchanged polygons.
+    """
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -317,8 +336,10 @@ def _with_pieces(
     start, begin = np.concatenate([[0], np.cumsum(sizes)]), cells.start[source]
     begin[replaced_cells] = len(cells.corner) + pieces.start[:-1]
     slots = np.repeat(begin - start[:-1], sizes) + np.arange(start[-1])
-    corner = np.concatenate([cells.corner, pieces.corner])[slots]
-    return Split(Cells(start, corner), source, strips, *new_vertices)
+    corner, sides_on = (
+        np.concatenate(pair)[slots] for pair in ((cells.corner, pieces.corner), (sides_on, pieces.sides_on))
+    )
+    return Split(Cells(start, corner, sides_on), source, strips, *new_vertices)
 
 
 CELL_AREA = 1e3 * ZERO_AREA

@@ -13,6 +13,7 @@ from dsfab.slicing.cutting.sheet import Sheet, weight_entries
 from dsfab.slicing.cutting.walls import Walls
 from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
+from dsfab.surface.topology import next_half_edge
 
 CORNER = float(np.radians(25))
 """The wall has a corner where it turns by more than this angle, radians."""
@@ -267,14 +268,20 @@ def _divide_walls(sheet: Sheet, division: Division) -> Sheet:
     surface = sheet.surface
     number = surface.n + np.arange(len(division.wall))
     F, rows, source_cells = surface.F.copy(), list[Ints](), list[Ints]()
+    sides_on, back_sides_on = sheet.sides_on.copy(), list[Ints]()
     for h in (sheet.walls.inside[division.wall], sheet.walls.outside[division.wall]):
         front, back = _halves(sheet, h, number)
         F[h // 3] = front
         rows.append(back)
         source_cells.append(h // 3)
+        wall, ahead, behind = (sheet.sides_on.ravel()[next_half_edge(h, steps)] for steps in range(3))
+        sides_on[h // 3] = np.stack([wall, 0 * wall, behind], axis=1)
+        back_sides_on.append(np.stack([wall, ahead, 0 * wall], axis=1))
     source = np.concatenate([np.arange(surface.m), *source_cells])
     order = np.argsort(source, kind="stable")
     source = source[order]
     divided = Surface(np.concatenate([surface.V, division.V]), np.concatenate([F, *rows])[order])
     weights = csr_array(vstack([sheet.weights, division.weights], format="csr"))
-    return replace(sheet, surface=divided, parent=sheet.parent[source], family=sheet.family[source], weights=weights)
+    sides_on = np.concatenate([sides_on, *back_sides_on])[order]
+    columns = (sheet.parent[source], sheet.family[source], weights, sheet.stubs, sides_on, sheet.lines)
+    return Sheet(divided, *columns)

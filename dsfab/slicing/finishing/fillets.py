@@ -9,7 +9,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.sheet import LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chains
 from dsfab.slicing.finishing.flat_openings import FlatOpenings, flat_openings_of, nearest_in_plane
@@ -137,7 +137,7 @@ def _distance(points: Floats, loops: list[Floats]) -> Floats:
 SNAP = 2e-3
 """Vertices nearer to a chord than this share of the radius move onto it, to avoid slivers."""
 
-COLUMNS = ("wall", "radius", "normal", "distance", "ray", "ray_distance")
+COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,7 +146,7 @@ class Fillets:
 
     normal, distance : (k, c, 3), (k, c) outward normals of the chords, and metres from the origin.
     ray, ray_distance : (k, 2, 3), (k, 2) normals and distances of the rays. An unused plane has a normal of 0.
-    wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
+    wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
     An arc fills the region beyond a chord and within both rays. Rays run from the middle of the arc through its feet.
@@ -155,7 +155,7 @@ class Fillets:
     """
 
     wall: Ints
-    radius: Floats
+    circle: Floats
     normal: Floats
     distance: Floats
     ray: Floats
@@ -165,6 +165,11 @@ class Fillets:
     @property
     def count(self) -> int:
         return len(self.wall)
+
+    @property
+    def radius(self) -> Floats:
+        """(k,) metres."""
+        return np.asarray(self.circle[:, 6])
 
     def beyond_chords(self, arc: Ints, X: Floats) -> Floats:
         """(p,) largest distance of points X (p, 3) beyond a chord of an arc (p,), metres."""
@@ -235,7 +240,8 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
         ray = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
         ray_distance = ray_distance + np.einsum("kci,ki->kc", ray, corners.origin[corner_rows])
     pair = np.stack([arc, cell], axis=1)
-    fillets = Fillets(corners.first[corner_rows], arcs.radius, normal, distance, ray, ray_distance, pair)
+    circle = corners.circles(corner_rows, arcs)
+    fillets = Fillets(corners.first[corner_rows], circle, normal, distance, ray, ray_distance, pair)
     seen = key = arc * surface.m + cell
     clear = np.ones(len(corner_rows), dtype=bool)
     edge = np.zeros(surface.n, dtype=bool)
@@ -328,6 +334,7 @@ def _clear_of_points(sheet: Sheet, fillets: Fillets, X: Floats) -> Bools:
 def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
     arc, cell = fillets.pair.T
     mesh, source = recut_polygons(sheet, cell)
+    mesh = replace(mesh, lines=sheet.lines.with_more(LineKind.FILLET, fillets.count, circle=fillets.circle))
     corner = np.searchsorted(np.unique(sheet.surface.F[source]), sheet.walls.start[fillets.wall])
     family = sheet.family[sheet.walls.material_cells[fillets.wall]]
     colour = _colours(arc, mesh.cells.corner.reshape(-1, 3)[np.searchsorted(source, cell)])
@@ -380,8 +387,8 @@ def _filled_corners(
             continue
         x = _heights(mesh, arc, active, normal, distance, SNAP * fillets.radius)
         split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, size))
-        mesh, split_source = mesh.after_split(split), split.source
-        source, arc, beyond = source[split_source], arc[split_source], beyond[split_source]
+        source, arc, beyond = source[split.source], arc[split.source], beyond[split.source]
+        mesh = mesh.after_split(split, mesh.lines.count - fillets.count + arc[None])
         if outside:
             arc = np.where(split.strip == 1, -1, arc)
         else:

@@ -216,16 +216,20 @@ def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Fl
 
 def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     cells, has_neighbour = mesh.cells, (mesh.polygon_across >= 0) & ~mesh.void[mesh.polygon_across]
-    rest, polygons = np.flatnonzero(~nodes), []
+    rest, polygons, sides_on = np.flatnonzero(~nodes), [], []
     source, void = rest.tolist(), [False] * len(rest)
     for node in np.flatnonzero(nodes).tolist():
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # chords are not among the sides
+        sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
     sizes = np.concatenate([[0], cells.sizes[rest], [len(polygon) for polygon in polygons]])
-    every = Cells(np.cumsum(sizes).astype(np.int64), np.concatenate([cells.subset(rest).corner, *polygons]))
+    unchanged = cells.subset(rest)
+    corner, lines = np.concatenate([unchanged.corner, *polygons]), np.concatenate([unchanged.sides_on, *sides_on])
+    every = Cells(np.cumsum(sizes).astype(np.int64), corner, lines)
     order = np.argsort(source, kind="stable")  # this restores the order of parent faces
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))

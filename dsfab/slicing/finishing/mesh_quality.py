@@ -1,6 +1,6 @@
 """Quality of the triangles of a sheet, and its improvement by flips and collapses of edges."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, dist
 from dsfab.slicing.cutting.sheet import VOID, Sheet, weight_entries
 from dsfab.slicing.cutting.split import CELL_AREA
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import on_boundary
+from dsfab.surface.topology import next_half_edge, on_boundary
 
 
 class Quality(NamedTuple):
@@ -144,12 +144,11 @@ class CellMesh:
         begin = np.repeat(start[vertex] - np.concatenate([[0], np.cumsum(count)[:-1]]), count)
         return row, faces[begin + np.arange(len(row))]
 
-    def with_cells(self, F: Ints, keep: Bools | None = None, strayed: Floats | None = None) -> "CellMesh":
-        """Return the cells F (m', 3), or the marked cells (m',) of F; `strayed` (n',) metres."""
-        keep = np.ones(len(F), dtype=bool) if keep is None else keep
-        parent, family = self.sheet.parent[keep], self.sheet.family[keep]
-        sheet = Sheet(Surface(self.surface.V, F[keep]), parent, family, self.sheet.weights)
-        return CellMesh(sheet, self.uncut, self.strayed if strayed is None else strayed)
+    def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
+        """Return the marked cells (m',) of F (m', 3), with sides on lines (m', 3); `strayed` (n',) metres."""
+        columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
+        sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
+        return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
@@ -201,7 +200,23 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
         np.maximum.at(strayed, onto[q], moved[p])
     np.maximum.at(strayed, moves.w, moves.strayed)
     has_area = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    return cut.with_cells(F, has_area, strayed), len(moves.v)
+    sides_on = _merged_sides(cut.sheet, np.flatnonzero(~has_area), onto)
+    return cut.with_cells(F, sides_on, has_area, strayed), len(moves.v)
+
+
+def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
+    """(m', 3) lines of the half-edges where cells (k,) vanish, because one of their vertices v moves onto w.
+
+    The cell beyond the side v-x then has the side w-x, and gets its line.
+    """
+    row, F = np.arange(len(cells)), sheet.surface.F[cells]
+    place = (onto[F] != F).argmax(axis=1)
+    begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
+    opposite, free_side = 3 * cells + (place + 1) % 3, 3 * cells + np.where(begins_at_w, (place + 2) % 3, place)
+    sides_on, beyond = sheet.sides_on.ravel().copy(), sheet.surface.edges.twins[free_side]
+    line = np.where(sides_on[opposite] > 0, sides_on[opposite], sides_on[free_side])
+    sides_on[beyond[beyond >= 0]] = line[beyond >= 0]
+    return sides_on.reshape(-1, 3)
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
@@ -306,7 +321,12 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     chosen = better[independent(np.concatenate([rank, rank]), pair_faces, rank, len(cut.surface.F))]
     F = cut.surface.F.copy()
     F[f[chosen]], F[e[chosen]] = first_cell[chosen], second_cell[chosen]
-    return cut.with_cells(F), len(chosen)
+    cb, bd, da, ac = (
+        cut.sheet.sides_on.ravel()[next_half_edge(half[chosen], steps)] for half in (h, g) for steps in (1, 2)
+    )
+    sides_on = cut.sheet.sides_on.copy()
+    sides_on[f[chosen]], sides_on[e[chosen]] = (np.stack([*pair, 0 * cb], axis=1) for pair in ((ac, cb), (bd, da)))
+    return cut.with_cells(F, sides_on, np.ones(len(F), dtype=bool), cut.strayed), len(chosen)
 
 
 @dataclass(frozen=True, eq=False)
@@ -348,7 +368,7 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
     Otherwise its area changes by less than the tolerance times the length of its edges.
     """
-    cut = CellMesh(sheet, uncut, np.zeros(sheet.surface.n))
+    cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
     for _ in range(40):  # most sheets need under ten rounds
         cut, fewer = collapse_edges(cut, tolerance)
@@ -363,5 +383,6 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
     used[cut.surface.F] = True
     used[: uncut.n] = True
     surface = Surface(cut.surface.V[used], (np.cumsum(used) - 1)[cut.surface.F])
-    better = Sheet(surface, cut.sheet.parent, cut.sheet.family, cut.sheet.weights[used])
+    columns = (cut.sheet.parent, cut.sheet.family, cut.sheet.weights[used], 0, cut.sheet.sides_on, sheet.lines)
+    better = Sheet(surface, *columns)
     return ImprovedSheet(better, flips, collapses, before, quality(better.subset().surface), float(cut.strayed.max()))

@@ -233,6 +233,12 @@ class Corners:
         """(k, 3) the vertices of the corners."""
         return np.asarray(self.walls.surface.V[self.walls.start[self.first]])
 
+    def circles(self, rows: Ints, arcs: Arcs) -> Floats:
+        """(p, 7) centres, unit axes and radii, metres, of arcs in the frames of corners (p,)."""
+        frames = self.frames[rows]
+        centre = self.origin[rows] + np.einsum("pj,pji->pi", arcs.centre, frames)
+        return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
+
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
         """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) by which they shrink.
 

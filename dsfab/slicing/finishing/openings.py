@@ -11,7 +11,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, group_sums, split_value
 from dsfab.core.derived import derived
 from dsfab.core.limits import CROWDING
 from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
-from dsfab.slicing.cutting.sheet import VOID, Sheet, SheetPart, hydraulic_diameters, weighted_medians
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet, SheetPart, hydraulic_diameters, weighted_medians
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 
@@ -313,7 +313,8 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
     owner = np.full(cells.surface.m, -1)
     for k, strip in enumerate(strips):
         owner[strip.cells] = k
-    inside = owner[source] >= 0
+    inside, first_line = owner[source] >= 0, mesh.lines.count
+    mesh = replace(mesh, lines=mesh.lines.with_more(LineKind.STRIP, len(strips)))
     for axis in range(2):
         x = np.full(len(mesh.X), 2.0)
         for k, strip in enumerate(strips):
@@ -323,7 +324,8 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
         on_side = np.abs(np.abs(x) - 1) < snap
         x[on_side] = np.sign(x[on_side])
         split = clean_split(mesh.cells, mesh.X, x, SIDES, inside, Snapping(0.0, cells.surface.size))
-        mesh, source, inside = mesh.after_split(split), source[split.source], inside[split.source] & (split.strip == 1)
+        source, inside = source[split.source], inside[split.source] & (split.strip == 1)
+        mesh = mesh.after_split(split, first_line + owner[source][None])
     part, first_cells = mesh.part_labels(inside), [strip.cells[0] for strip in strips]
     chosen = inside & np.isin(part, part[inside & np.isin(source, first_cells)])
     family = np.array([strip.family for strip in strips])[owner[source]]

@@ -17,7 +17,7 @@ from dsfab.core.arrays import Bools, Floats, Ints, first_few
 from dsfab.core.errors import PatternError
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface.topology import edge_table
 
@@ -140,8 +140,9 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
     mesh, touched = PolygonMesh.from_sheet(sheet), np.asarray((distance[sheet.surface.F] < radius).any(axis=1))
     snapping = Snapping(0.1, sheet.surface.size, pinches)
     split = clean_split(mesh.cells, mesh.X, distance, np.array([radius]), touched, snapping)
-    mesh = mesh.after_split(split)
-    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    disc, lines = np.full((1, 1), mesh.lines.count), mesh.lines.with_more(LineKind.DISC, 1)
+    mesh = mesh.after_split(split, disc)
+    surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     inside, family = _connected_to_pinches(mesh, split.strip == 0, pinches)[cell], mesh.family[cell]
     if rule == "split":
         family[inside] = VOID
@@ -149,7 +150,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
         fill = inside & (family == VOID)
         nearest = cKDTree(mesh.X[pinches]).query(surface.centroids[fill])[1]
         family[fill] = _first_family(sheet, pinches)[nearest]
-    return Sheet(surface, mesh.parent[cell], family, mesh.weights)
+    return Sheet(surface, mesh.parent[cell], family, mesh.weights, 0, sides_on, lines)
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:

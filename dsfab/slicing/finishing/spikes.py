@@ -13,7 +13,7 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.slicing.cutting.cut import recut_polygons, with_polygons
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
@@ -143,5 +143,7 @@ def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
         vertex = np.unique(mesh.cells.corner[mesh.cells.slots(rows)])
         x[vertex] = spike.heights(mesh.X[vertex])
     split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, cells.surface.size))
-    mesh, beyond = mesh.after_split(split), active[split.source] & (split.strip == 1)
+    chord = np.full((1, 1), mesh.lines.count)
+    mesh = replace(mesh.after_split(split, chord), lines=mesh.lines.with_more(LineKind.CHORD, 1))
+    beyond = active[split.source] & (split.strip == 1)
     return with_polygons(cells, replace(mesh, family=np.where(beyond, VOID, mesh.family)), source[split.source])

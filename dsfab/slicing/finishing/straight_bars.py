@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, split_value
 from dsfab.slicing.cutting.cut import Field, adjacent_faces
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
-from dsfab.slicing.cutting.sheet import VOID
+from dsfab.slicing.cutting.sheet import VOID, LineKind
 from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.finishing.loose_ends import CLOSED, Tidy, between_crossings, nodes_of
 from dsfab.slicing.finishing.stubs import with_crossings
@@ -214,13 +214,15 @@ def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float
     each.
     """
     opening = mesh.part_labels(mesh.void | bar)
-    inside, result, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
+    inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
+    line = mesh.lines.count + np.arange(2)
+    result = replace(mesh, lines=mesh.lines.with_more(LineKind.STRIP, 2))
     for side in (0, 1):
         x = fair_bar.heights(result.X)[side]
         x[np.abs(x) < SNAP * fair_bar.width] = 0.0
         inside = inside & result.cells.per_polygon(np.logical_or, fair_bar.near_length(result.X)[result.cells.corner])
         split = clean_split(result.cells, result.X, x, np.zeros(1), inside, Snapping(0.0, size))
-        result, source = result.after_split(split), source[split.source]
+        result, source = result.after_split(split, line[side : side + 1, None]), source[split.source]
         inside = inside[split.source] & (split.strip == 1)
     old_bar, part = bar[source], result.part_labels(inside)
     filled = np.isin(part, part[old_bar & inside]) & inside

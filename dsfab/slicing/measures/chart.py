@@ -51,7 +51,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
     phases : the fields (n, 1) before snapping; default: the snapped fields, which fit the openings.
     """
     mesh, phases = halved.mesh, phases or halved.phases
-    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
     z, scale = np.empty((2, 3 * surface.m, 2))
     for k, phase in enumerate(phases):

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.slicing.cutting.cells import nearest_levels
 from dsfab.slicing.cutting.polygon_mesh import corner_places
-from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.sheet import VOID, LineKind, Sheet
 from dsfab.slicing.measures.chart import SLICING_SAME, Chart
 from dsfab.surface import Surface, chains
 from dsfab.surface.fields import CornerField, Kind, StructureLine, Track, level_lines, polyline_length
@@ -19,50 +19,39 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a material sheet: half-edge, first and last vertex, and family, (k,) each.
+    """Boundary edges of a material sheet: half-edge, first and last vertex, curve, and family, (k,) each.
 
-    The family is `VOID` (-1) on the boundary of the uncut surface.
+    The curve is the line of the sheet, or -1 - k for all levels of field k, because these meet at tips only.
+    The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
     """
 
     half_edge: Ints
     start: Ints
     end: Ints
+    curve: Ints
     family: Ints
 
 
-def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
-    """Label the edges of the outline of a material sheet, cut from the surface `uncut`.
-
-    An edge has the family of its cell, or `VOID` on the boundary of the uncut surface.
-    """
-    table = sheet.surface.edges
-    h = table.order[table.start[:-1][table.boundary]]
+def outline_labels(sheet: Sheet) -> Labels:
+    """Return the edges of the outline of a material sheet with their curves and families."""
+    h = sheet.surface.edges.outline
     a, b = (ends[h] for ends in half_edges(sheet.surface.F))
-    return Labels(h, a, b, np.where(_on_boundary(sheet, uncut, a, b), VOID, sheet.family[h // 3]))
+    line = sheet.sides_on.ravel()[h]
+    curve = np.where(sheet.lines.kind[line] == LineKind.LEVEL, -1 - sheet.lines.field[line], line)
+    return Labels(h, a, b, curve, np.where(line == LineKind.RIM, VOID, sheet.family[h // 3]))
 
 
-def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
-    """Vertices (k, 3) of the outline of a material sheet, cut from `uncut`, metres, where two curves meet."""
-    _, a, b, family = outline_labels(sheet, uncut)
+def outline_corners(sheet: Sheet) -> Floats:
+    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
+
+    Both ends of a fillet are such vertices, and no other vertex of it."""
+    _, a, b, *names = outline_labels(sheet)
+    curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
     for end in (a, b):
-        np.minimum.at(low, end, family)
-        np.maximum.at(high, end, family)
+        np.minimum.at(low, end, curve)
+        np.maximum.at(high, end, curve)
     return np.asarray(sheet.surface.V[low < high])
-
-
-def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
-    """(k,) mask of edges a - b on the uncut boundary: both ends lie between the ends of one boundary edge."""
-    stand = csr_array(sheet.weights[a] + sheet.weights[b])
-    stand.eliminate_zeros()
-    stand.sort_indices()
-    row_start = stand.indptr[:-1]
-    has_two = np.diff(stand.indptr) == 2
-    i, j = stand.indices[row_start[has_two]].astype(np.int64), stand.indices[row_start[has_two] + 1].astype(np.int64)
-    ends = uncut.edges.ends[uncut.edges.boundary]
-    on_boundary = np.zeros(len(a), dtype=bool)
-    on_boundary[has_two] = np.isin(i * uncut.n + j, ends[:, 0] * uncut.n + ends[:, 1])
-    return on_boundary
 
 
 LEAST = 1e-7
@@ -300,7 +289,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
              gives k, and a line takes the number of most of its length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left.
     """
-    labels = outline_labels(sheet, uncut)
+    labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
     chosen: list[tuple[str, int, Floats]] = []
@@ -317,7 +306,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
 class _Stripes:
     def __init__(self, sheet: Sheet, uncut: Surface, phases: Sequence[Phase], labels: Labels) -> None:
-        self.family, self.cell, self.phases = labels.family, labels.half_edge // 3, phases
+        self.family, self.cell, self.phases, self.curve = labels.family, labels.half_edge // 3, phases, labels.curve
         self.parent, self.weights, self.F = sheet.parent[self.cell], sheet.weights, uncut.F
         self.number = np.zeros(len(self.cell), dtype=np.int64)
         for k, phase in enumerate(phases):
@@ -350,7 +339,8 @@ class _Stripes:
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
                 number[same_field] = sign * number[same_field] + shift
-        return np.asarray((self.family[edges] != self.family[before]) | (self.number[edges] != number))
+        changes = (self.family[edges] != self.family[before]) | (self.curve[edges] != self.curve[before])
+        return np.asarray(changes | (self.number[edges] != number))
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
@@ -395,9 +385,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """Loops of boundary vertices, with a two-sided surface on their left, and the half-edge after each vertex."""
-    table = surface.edges
-    half_edge = table.order[table.start[:-1][table.boundary]]
-    start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()
+    half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}
     return [

@@ -94,20 +94,21 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
-    mesh = PolygonMesh.from_surface(base)
+    mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
     tip = min(max(snap, ZERO), TIP)
     for k, band in enumerate(bands):
         hidden = _hidden_cells(sheet.family, bands, k)
         mesh = replace(mesh, family=np.where(hidden[mesh.parent], VOID, 0))
-        mesh, _ = corner_band(mesh, fields[k], band.levels, snap, tip, base.size)
-    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+        mesh, _ = corner_band(mesh, fields[k], band.levels, (snap, tip), base.size, np.zeros((1, 2), dtype=np.int64))
+    surface, cell, sides_on = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     source = mesh.parent[cell]
     family = sheet.family[source]
     weights = csr_array(mesh.weights @ sheet.weights)
     triangles, void = Cells.triangles(surface.F), np.full(surface.m, VOID)
     divided_base = PolygonMesh.from_cells(base.F, triangles, surface.V, mesh.weights, source, void)
     stripes = [_BandOnCells.from_band(divided_base, x, band) for x, band in zip(fields, bands, strict=True)]
-    return _labelled_overlay(Sheet(surface, sheet.parent[source], family, weights), source, stripes, bands)
+    divided = Sheet(surface, sheet.parent[source], family, weights, 0, sides_on, sheet.lines)
+    return _labelled_overlay(divided, source, stripes, bands)
 
 
 def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:

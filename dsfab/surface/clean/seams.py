@@ -213,7 +213,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     points = pinches(F, edges, len(V))
     if not len(points):
         return F, 0
-    fans, alone = corner_fans(F, edges), edges.order[edges.start[:-1][edges.boundary]]
+    fans, alone = corner_fans(F, edges), edges.outline
     onward = next_half_edge(alone)
     corner_vertex = np.concatenate([F.ravel()[alone], F.ravel()[onward]])
     away = np.concatenate([F.ravel()[onward], F.ravel()[alone]])

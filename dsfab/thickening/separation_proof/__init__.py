@@ -210,7 +210,7 @@ def _rims(uncut: Surface, boxes: Boxes, accepted: Bools) -> list[tuple[Ints, Int
         for step in block_steps():
             if np.abs(step - d).max() > REACH:
                 collect(half_edges, step)
-    rim = uncut.edges.order[uncut.edges.start[:-1][uncut.edges.boundary]]
+    rim = uncut.edges.outline
     for step in block_steps() if len(rim) else ():
         collect(rim, step)
     box, edge = (np.concatenate(column) for column in zip(*batches, strict=True)) if batches else (h[:0], h[:0])
