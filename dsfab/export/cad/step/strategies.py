@@ -89,8 +89,10 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
     if chosen or part.step == "faceted":
         faceted = replace(part, step="faceted")
         simple = _simpler_or_error(faceted, part.tolerance) if part.tolerance else faceted
-        is_tried = isinstance(simple, Part | BudgetError)
-        yield simple if is_tried else replace(faceted, note=f"not simplified, since {simple}")
+        if isinstance(simple, Part | BudgetError):
+            yield simple
+        else:
+            yield replace(faceted, note=f"not simplified, since {simple}")
     if chosen:
         yield from _last_attempts(faceted, members if curved and not quick else None, quick)
 

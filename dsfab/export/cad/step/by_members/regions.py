@@ -181,7 +181,7 @@ class _BorderWalk:
         node[self.end[h[self._round_ends(bent, void)]]] = True
         for side_a, side_b in (self._seam_points, self._seam_points[::-1]):
             node[side_a[node[side_b]]] = True
-        return node
+        return np.asarray(node)
 
     @cached_property
     def _seam_points(self) -> Ints:
