@@ -81,7 +81,7 @@ def test_the_add_on_is_written_once_and_only_to_a_python_file(tmp_path, capsys):
     words = ["blender", "-o", str(tmp_path / "a.py")]
     assert main(words) == 0
     assert main(words) == 1
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     assert main([*words, "--force"]) == 0
     assert main(["blender", "-o", str(tmp_path / "a.zip")]) == 1
     assert "does not end in .py" in capsys.readouterr().err

@@ -354,7 +354,7 @@ def test_a_value_out_of_range_is_refused_in_one_sentence():
             session.ask_solve({"pattern.major.threshold": 7})
         with pytest.raises(DsfabError, match="not arrive completely"):
             session.ask_mesh("a.obj", "m", "%%%")
-        with pytest.raises(DsfabError, match="no mesh"):
+        with pytest.raises(DsfabError, match="not a mesh file"):
             session.ask_mesh("a.exe", "m", "")
         broken = base64.b64encode(b"v 0 0 0\n").decode()
         refused = wait(session.jobs, session.ask_mesh("../../part.obj", "m", broken)["job"])

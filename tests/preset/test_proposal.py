@@ -378,7 +378,7 @@ def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
     assert (len(read), len(merged)) == (1, 1)
     surface = proposal.given.surface
     assert proposal.given.keys == {"file": str(path), "unit": "mm", "mend": True}
-    assert "1 vertex welded" in {each.topic: each.choice for each in proposal.decisions}["mended"]
+    assert "1 vertex merged" in {each.topic: each.choice for each in proposal.decisions}["mended"]
     again = read_surface(path, "mm", mend=True)
     assert (surface.V.tobytes(), surface.F.tobytes()) == (again.V.tobytes(), again.F.tobytes())
 
@@ -832,13 +832,13 @@ def test_a_wall_gets_a_suggestion_of_wind_loads(own):
     wall = Surface(grid(24, 12, 8.0, 4.0).V[:, [0, 2, 1]], grid(24, 12, 8.0, 4.0).F)
     proposal = propose(wall)
     assert "lines for wind" in " ".join(proposal.lines)
-    lines = proposal.text().partition("# Wind,")[2].splitlines()[1:5]
+    lines = proposal.text().partition("# Wind governs")[2].splitlines()[1:5]
     wind = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))["surface"]["load"][0]
     assert (
         abs(Wind(wind["pressure"], tuple(wind["direction"])).forces(wall, 0.0)[:, 1].sum())
         > 0.4 * wind["pressure"] * 32
     )
-    assert "Wind," not in propose(own["canopy_mm"]).text()
+    assert "Wind governs" not in propose(own["canopy_mm"]).text()
 
 
 @pytest.mark.parametrize("sill", [0.2, 1.0])

@@ -17,16 +17,9 @@ from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
 from tests.shapes import ZOO, grid, jittered, sphere
 from tests.slicing.laws import cases, check_laws
+from tests.slicing.stripes import striped
 
 SHARES = [0.0, 0.02, 0.1]
-
-
-def striped(surface: Surface, seed: int = 0, snap: float = 0.0) -> Sheet:
-    """Two wavy families without pinches, slivers wanted."""
-    random = np.random.default_rng(seed)
-    fields = [surface.V @ random.normal(size=3) + 0.05 * random.normal(size=surface.n) for _ in range(2)]
-    cells = cut(surface, fields, [np.linspace(f.min(), f.max(), 10)[1:-1] for f in fields], snap)
-    return resolve_pinches(cells, 0.2 * surface.mean_edge).sheet
 
 
 def outline(sheet: Sheet) -> dict[int, np.ndarray]:

@@ -13,11 +13,9 @@ from dsfab.slicing.finishing.opening_corners import CHORD
 from dsfab.slicing.measures.lines import edge_lines, outline_corners
 from dsfab.surface import Surface
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
-from tests.slicing.test_corner_fields import LEVELS, plain, regauged, ripples, widths
-from tests.slicing.test_fillet import openings, striped_ball
-from tests.slicing.test_improve import striped
-from tests.slicing.test_necks import dumbbell
-from tests.zoo import ZOO, grid, zoo
+from tests.shapes import ZOO, grid, zoo
+from tests.slicing.striped_balls import openings, striped_ball
+from tests.slicing.stripes import LEVELS, dumbbell, plain, regauged, ripples, striped, widths
 
 
 def outline(sheet: Sheet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -16,15 +16,9 @@ from tests.shapes import grid, jittered
 from tests.slicing.bridges import check_bridged
 from tests.slicing.laws import material_area
 from tests.slicing.striped_balls import openings, striped_ball
+from tests.slicing.stripes import dumbbell
 
 WIDTH = 0.05
-
-
-def dumbbell(plate: Surface, half: float, far: float = 0.1, size: float = 0.15) -> Sheet:
-    """A unit plate with two square openings and a passage between them, 2 `half` wide."""
-    x, y = plate.V[:, :2].T - 0.5
-    squares = np.maximum(np.abs(np.abs(x) - far - size) - size, np.abs(y) - size)
-    return cut(plate, [np.minimum(squares, np.maximum(np.abs(x) - far - 0.05, np.abs(y) - half))], [[0.0]], snap=0)
 
 
 @pytest.mark.parametrize("half", [0.004, 0.012, 0.02])

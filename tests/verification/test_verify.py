@@ -180,7 +180,7 @@ def test_tests_and_elements_are_chosen_by_name():
         choose(["spam"])
     assert Elements.from_name("quadratic+hhj") == SIX_NODES
     assert Elements.from_name("hybrid+hhj") == BEST
-    with pytest.raises(StaticsError, match=r"no elements 'quad'; choose constant\+hinge"):
+    with pytest.raises(StaticsError, match=r"elements 'quad' do not exist; choose constant\+hinge"):
         Elements.from_name("quad")
 
 
