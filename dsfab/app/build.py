@@ -180,8 +180,8 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    found = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
-    print_lines((*load_lines(facts), *found, *case_lines(design), *answer_lines(design), *measures))
+    choices = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
+    print_lines((*load_lines(facts), *choices, *case_lines(design), *answer_lines(design), *measures))
     print_lines(f"note ({note.stage}): {note.text}" for note in design.notes)
     for path in sorted(folder.iterdir()):
         if path.is_file():

@@ -30,7 +30,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
     from dsfab.study.verdict.calibration import summary, table_text
 
     with Reporter(quiet=as_json) as reporter:
-        rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
+        rows = list(measured(report=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
     folder.mkdir(parents=True, exist_ok=True)
     record = {"summary": asdict(summary(rows)), "designs": [_calibration_record(row) for row in rows]}
     text = json.dumps(record, indent=2)

@@ -85,8 +85,8 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
         cut = with_regions(base_surface(preset), preset.pattern.region)
         results[_before_voids] = cut.whole, cut.vertices
-    whole, vertices = results[_before_voids]
-    return whole, vertices
+    uncut, vertices = results[_before_voids]
+    return uncut, vertices
 
 
 def _remaining_entry(key: str, entry: Any, uncut: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:

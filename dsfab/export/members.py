@@ -47,11 +47,11 @@ def graph_of(part: Part) -> "MemberGraph":
 
 
 def facts_of_members(part: Part) -> dict[str, MemberFacts]:
-    graph, whole = graph_of(part), part.details.whole_members
-    return {member.id: _facts(graph, k, whole) for k, member in enumerate(graph.members)}
+    graph, is_whole = graph_of(part), part.details.whole_members
+    return {member.id: _facts(graph, k, is_whole) for k, member in enumerate(graph.members)}
 
 
-def _facts(graph: "MemberGraph", k: int, whole: bool) -> MemberFacts:
+def _facts(graph: "MemberGraph", k: int, is_whole: bool) -> MemberFacts:
     member, owner = graph.members[k], graph.owner[graph.members[k].cells]
     area, crossing = _square_mm(member.area), np.unique(owner[owner != k]).tolist()
     own_area = _square_mm(float(graph.sheet.surface.areas[member.cells[owner == k]].sum()))
@@ -60,8 +60,8 @@ def _facts(graph: "MemberGraph", k: int, whole: bool) -> MemberFacts:
         rounded_mm(member.length),
         rounded_mm(member.mean_width),
         area,
-        area if whole else own_area,
-        () if whole else tuple(graph.members[index].id for index in crossing),
+        area if is_whole else own_area,
+        () if is_whole else tuple(graph.members[index].id for index in crossing),
         tuple(node.id for node in graph.nodes_along[member.id]),
     )
 

@@ -103,7 +103,7 @@ class Cells:
     def triangle_sides(self, F: Ints, polygon: Ints) -> Ints:
         """Return the lines (m, 3) that the sides of triangles F (m, 3) in polygons (m,) lie on."""
         slot = np.flatnonzero(self.sides_on)
-        n, owner, last = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
+        n, owner, end = int(self.corner.max()) + 1, self.owner[slot], self.next_values(self.corner)[slot]
         key = owner * n + self.corner[slot]
         order = sorted_order(key)
         a, b = half_edges(F)
@@ -112,7 +112,7 @@ class Cells:
         half_edge = np.flatnonzero(np.repeat(on_line[polygon], 3))
         half_edge_key = polygon[half_edge // 3] * n + a[half_edge]
         row = order[np.minimum(np.searchsorted(key[order], half_edge_key), len(order) - 1)] if len(order) else half_edge
-        on_slot = (key[row] == half_edge_key) & (last[row] == b[half_edge])
+        on_slot = (key[row] == half_edge_key) & (end[row] == b[half_edge])
         sides_on = np.zeros(3 * len(F), dtype=np.int64)
         sides_on[half_edge[on_slot]] = self.sides_on[slot[row[on_slot]]]
         return sides_on.reshape(-1, 3)

@@ -277,15 +277,15 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
     return level(mesh.surface, setting.made, *on_mesh(setting.surface, mesh, setting.loads, forces), pairs)
 
 
-def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
+def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the rows of the first `count` designs of each kind that can be built; this takes a quarter of an hour.
-    told : receives the kind and the seed before each design.
+    report : receives the kind and the seed before each design.
     """
     for kind in KINDS:
         seed = solved = 0
         while solved < count:
-            if told:
-                told(kind, seed)
+            if report:
+                report(kind, seed)
             try:
                 yield trial_row(kind, seed)
                 solved += 1

@@ -187,8 +187,8 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
 
 def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
     even = even_edges(mesh.V, mesh.F)
-    most = length(metres * even.most)
-    words = f"ragged edges straightened: {count_phrase(even.moved, 'vertex')} moved by up to {most}"
+    largest_move = length(metres * even.most)
+    words = f"ragged edges straightened: {count_phrase(even.moved, 'vertex')} moved by up to {largest_move}"
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 

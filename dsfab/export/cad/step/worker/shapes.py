@@ -70,11 +70,11 @@ def compound(shapes: list[Any]) -> Any:
     from OCP.BRep import BRep_Builder
     from OCP.TopoDS import TopoDS_Compound
 
-    builder, whole = BRep_Builder(), TopoDS_Compound()
-    builder.MakeCompound(whole)
+    builder, shapes_compound = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(shapes_compound)
     for shape in shapes:
-        builder.Add(whole, shape)
-    return whole
+        builder.Add(shapes_compound, shape)
+    return shapes_compound
 
 
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
