@@ -112,7 +112,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
-    surface = source.read_preset(name).surface  # a mistake in a later preset appears before the first run
+    surface = source.read_preset(name).surface  # reports a mistake in any preset before the first run
     if not vertex_counts:
         return [()]
     edge = getattr(surface, "edge", None)

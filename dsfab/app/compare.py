@@ -106,7 +106,7 @@ ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """Options of a comparison: competitors, shares of the surface, and checks."""
+    """Options of a comparison: competitors, shares of material, and checks."""
 
     against: Annotated[
         str | None,

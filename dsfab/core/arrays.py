@@ -36,7 +36,7 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 def plane_cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products (...) of vectors a and b (..., 2) in a plane: the area between them."""
+    """Return the cross products (...) of plane vectors a and b (..., 2): signed areas of their parallelograms."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 

@@ -124,7 +124,7 @@ def respaced_candidates(
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return families with open spacings, scaled by `factor` and rounded to two digits, and a text with these spacings.
+    """Return families without a given spacing, with `factor` times the default (two digits), and a text with spacings.
     A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one
     each."""
     families, distances = dict[str, Family](), list[str]()

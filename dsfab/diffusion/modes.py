@@ -167,7 +167,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the root of the mass (n,). A vertex without faces has mass 0 and gets a unit row of the scaled matrix."""
+    """Return the square root (n,) of the mass. A vertex without faces has mass 0 and gets a unit row of the matrix."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 

@@ -302,7 +302,7 @@ class Session:
 
 
 def _same_model(draft: Design, earlier: Design) -> bool:
-    """Return True if two drafts differ only in widths or in the choice of modes: their pages share all other data."""
+    """Return True if two drafts differ only in widths or in the choice of modes: the page keeps all other data."""
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
