@@ -52,7 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with cells in the same order, and the seam's pairs of half-edges (k, 2)."""
+        """Return a sheet cut along the seam, cells in the same order, and pairs of half-edges (k, 2) of the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
