@@ -26,8 +26,8 @@ TIMING_COLUMNS = (
 """Columns of the table, in seconds: those of the paper's Table 2, then further stages of dsfab.
 `stripes` is the time for evenly spaced stripes: their directions, densities and phases."""
 
-SCALING = (10_000, 40_000, 100_000)  # Vertices of the surfaces of `--scaling`.
-SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertices of `--scaling` with `--stages statics`.
+SCALING = (10_000, 40_000, 100_000)  # Vertex counts of the meshes for `--scaling`.
+SCALING_STATICS = (*SCALING, 250_000, 500_000)  # Vertex counts for `--scaling` with `--stages statics`.
 
 STATICS_COLUMNS = ("assembly", "factor", "solve", "stress", "total", "cpu")
 """Columns of `--stages statics`, in seconds. `solve` excludes the factorisation.
@@ -53,7 +53,7 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError for another text than a list."""
+        """Return the vertex counts; empty for the preset's own mesh. Raises DsfabError if `vertices` is not a list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -112,7 +112,7 @@ def _bench_preview(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edge_overrides(name: str, source: Source, vertex_counts: tuple[int, ...]) -> list[tuple[str, ...]]:
-    surface = source.read_preset(name).surface  # a mistake in a later preset appears before the first run
+    surface = source.read_preset(name).surface  # reports a mistake in any preset before the first run
     if not vertex_counts:
         return [()]
     edge = getattr(surface, "edge", None)

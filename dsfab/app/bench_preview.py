@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
     from dsfab.render.view import View
 
-SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangles of the surfaces.
+SIZES = (10_000, 60_000, 300_000, 1_000_000)  # Triangle counts of the tested meshes.
 PIXELS = (1024, 768)
-SECONDS = 4.0  # Seconds of each measurement, which takes at least five pictures of each kind.
+SECONDS = 4.0  # Least seconds of a measurement, which draws each kind of picture at least five times.
 KINDS = ("plain", "shader", "graded", "walls")  # Kinds of pictures, see `measure`.
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
@@ -41,7 +41,7 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
     corner, east = (i * rows + j).ravel(), ((i + 1) % columns * rows + j).ravel()
     north, northeast = (i * rows + (j + 1) % rows).ravel(), ((i + 1) % columns * rows + (j + 1) % rows).ravel()
     F = np.concatenate([np.stack([corner, east, northeast], axis=1), np.stack([corner, northeast, north], axis=1)])
-    no_distance = np.full(len(V), np.inf)  # any fields serve, because the time does not depend on their values
+    no_distance = np.full(len(V), np.inf)  # the drawing time does not depend on the values of the fields
     half = 0.25 + 0.1 * np.cos(a)
     return V, F, np.stack([np.sin(a), np.sin(b), half, half, no_distance, no_distance], axis=1)
 
@@ -50,8 +50,8 @@ def measure(triangles: int) -> dict[str, Any]:
     """Measure frames per second in this process, for each kind of picture.
     plain, shader : the mesh alone; the mesh with stripes, whose settings change before each frame.
     graded, walls : stripes of varying width; stripes with the walls of the sheet.
-    over_clock, over_cpu : time of a frame of kind shader over a frame of kind plain, by the clock and by the processor.
-    change_ms, peak_mb   : milliseconds of a change of settings; peak memory, MiB."""
+    over_clock, over_cpu : time of a frame with stripes divided by that of a plain frame: real time; processor time.
+    change_ms, peak_mb   : time to change the settings of the stripes, milliseconds; peak memory, MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader

@@ -40,7 +40,7 @@ class Files:
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
-        """Return formats and permission as KEY=VALUE texts for the preset. Raises ExportError for an unknown format."""
+        """Return these options as KEY=VALUE texts for the preset. Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
@@ -60,7 +60,7 @@ class PictureFlags:
     ] = False
 
     def check_ahead(self) -> None:
-        """Start a check in the background whether this machine can draw."""
+        """Start to check in the background whether this machine can draw."""
         from dsfab.render.opengl import probe_ahead
 
         if self.picture or self.marked:
@@ -144,7 +144,7 @@ def _step_is_optional(export: "Export") -> bool:
 
 
 def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Report a refused file; raise ExportError instead if the user requested this file (`folder` is None)."""
+    """Report a file that dsfab refused to write; raise ExportError if the user requested it (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
     longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes"

@@ -21,7 +21,7 @@ class _DraftPickler(pickle.Pickler):
 
 
 def pickled(thing: object) -> bytes:
-    """Pickle a value for another process; also a preset, or a value that holds read-only mappings."""
+    """Pickle a value for another process; presets and read-only mappings are allowed, unlike in `pickle`."""
     file = io.BytesIO()
     _DraftPickler(file, protocol=5).dump(thing)
     return file.getvalue()

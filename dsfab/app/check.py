@@ -33,7 +33,7 @@ QUESTIONS = {
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Expected:
-    """The expected design of a file."""
+    """Options that name the design that the checked file should contain."""
 
     preset: Annotated[
         str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
@@ -68,7 +68,7 @@ class Reading:
         return self.max_triangles or DEFAULT_TRIANGLES
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """Read a file; `deflection` is the tolerance of triangles on curved faces of STEP, metres."""
+        """Read a file; `deflection` (m) is the largest distance of triangles from the curved faces of STEP."""
         from dsfab.study.file_check import read_shipped
 
         return read_shipped(file, self.unit, self.triangle_limit, deflection)

@@ -100,13 +100,13 @@ def _spread_line(competitor: "Competitor", result: "Comparison") -> str:
     return f"{words}, from {best} to {worst} x the full sheet, {mean} x in the mean"
 
 
-ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of the surface, None for the design's own; result.
+ComparisonAtShare = tuple[float | None, "Comparison"]  # Share of material, None for the design's own share.
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """Options of a comparison: competitors, shares of the surface, and checks."""
+    """Options of a comparison: competitors, shares of material, and checks."""
 
     against: Annotated[
         str | None,
@@ -138,7 +138,7 @@ class Questions:
 
     @property
     def area_shares(self) -> list[float]:
-        """Further shares of the surface: '0.2:0.8:7' gives seven. Raises DsfabError for a text in another form."""
+        """Shares of material to compare: '0.2:0.8:7' gives seven. Raises DsfabError for a text in another form."""
         if self.volumes is None:
             return []
         try:
@@ -215,7 +215,7 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
-    """Compare the design as it is, then at each share of the surface. A failure at a share is reported and skipped."""
+    """Compare the design as it is, then with each share of material; report and skip a share that fails."""
     from dsfab.design import draft
     from dsfab.statics import ResultRequest
     from dsfab.study import compare_at
@@ -239,7 +239,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
-    # a cut sheet needs one solve, but an uncut sheet on its coarse mesh would seem a quarter too soft
+    # one solve is enough for a cut sheet, but the coarse mesh of an uncut sheet makes it a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 

@@ -23,7 +23,7 @@ SKETCH_SECONDS = 60.0  # Longest wait for a sketch, in seconds, after the widths
 
 
 class FirstPicture:
-    """The drawing process; use as `with FirstPicture(on_sketch) as first`, and call its methods in `restore_on_error`.
+    """The drawing process; use as `with FirstPicture(on_sketch) as first`, and draw inside `first.restore_on_error()`.
     on_sketch : function that another thread calls when the sketch is ready; None for no sketch."""
 
     def __init__(self, on_sketch: Callable[[], None] | None) -> None:
@@ -65,7 +65,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Start to draw the sketch, but never over a file that cannot be read; the second call does nothing.
+        """Start to draw the sketch, unless `path` is a file that cannot be read; later calls do nothing.
         sketch  : see `Design.sketch`.
         options : options of `dsfab.render.previewer.Previewer`."""
         from dsfab.app.carrier import pickled

@@ -77,7 +77,7 @@ def strength_warning(proposal: "Proposal") -> str:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
     advice = "make it thicker (statics.thickness)"
-    if weight > 0.6:  # a thicker sheet is heavier, so its stress stays
+    if weight > 0.6:  # a thicker sheet is heavier, so its stress is no lower
         weight_words = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         advice = f"{weight_words}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(decision.topic) for decision in proposal.decisions)}}"

@@ -103,7 +103,7 @@ class Source:
         from dsfab.surface import MESH_SUFFIXES
 
         suffix = Path(name).suffix.lower()
-        # a file with another suffix counts, too: the mesh reader refuses it and lists the formats
+        # a file with an unknown suffix counts as a mesh, because the mesh reader's error lists the formats
         is_mesh_file = suffix in MESH_SUFFIXES or (Path(name).is_file() and suffix not in ("", ".toml"))
         mesh_file = name if is_mesh_file else self.mesh if name == OWN else None
         if mesh_file is None:
@@ -190,7 +190,7 @@ def estimate_lines(design: "Design") -> Iterator[str]:
     from dsfab.export import step_estimates
 
     content, options = deliverable(design, ".step")
-    options.pop("details", None)  # details hardly change the file's size
+    options.pop("details", None)  # measures and material hardly change the size of the file
     estimates = step_estimates(content, name=design.preset.name, **options)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_estimate_row(estimate) for estimate in estimates])

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.render.previewer import Previewers
 
-FINISHED_PICTURES = ("fabrication", "members")  # Pictures of the finished solid, and of the finished sheet.
+FINISHED_PICTURES = ("fabrication", "members")  # Pictures that need the finished solid or sheet.
 
 SHOW_WORDS = {
     "deflection": ("displacement",),

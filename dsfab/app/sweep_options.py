@@ -1,4 +1,4 @@
-"""Options of `dsfab sweep` as tables of a sweep file: the same code checks options and files."""
+"""Options of `dsfab sweep` as tables of a sweep file, so that the same code checks both."""
 
 from collections.abc import Sequence
 from typing import Any

@@ -36,7 +36,7 @@ def cross(a: Floats, b: Floats) -> Floats:
 
 
 def plane_cross(a: Floats, b: Floats) -> Floats:
-    """Return the cross products (...) of vectors a and b (..., 2) in a plane: the area between them."""
+    """Return the cross products (...) of plane vectors a and b (..., 2): signed areas of their parallelograms."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
@@ -57,13 +57,13 @@ def row_min(rows: NDArray[Any]) -> NDArray[Any]:
 
 
 def group_sums(group: Ints, values: Floats, count: int = 0) -> Floats:
-    """Return the sums (g, d) of the rows of values (k, d) in each group (k,), for at least `count` groups."""
+    """Return the sums (g, d) of the rows of values (k, d) in each group (k,); g is at least `count`."""
     return np.stack([np.bincount(group, column, count) for column in values.T], axis=1).astype(np.float64)
 
 
 def weighted_quantiles(values: Floats, weight: Floats, shares: Sequence[float]) -> Floats:
     """Return the quantiles (q,) of values (k,) with weights (k,), at shares (q,) of the total weight. Each quantile is
-    an element of `values`. Rounding errors do not decide whether the weights reach a share."""
+    an element of `values`. Rounding errors of the summed weights do not change the result."""
     order = np.argsort(values, kind="stable")
     upto = np.cumsum(weight[order])
     positions = np.searchsorted(upto, np.asarray(shares) * upto[-1] * (1 - 1e-12))

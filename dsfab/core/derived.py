@@ -1,6 +1,6 @@
 """Results that follow from one frozen value alone; the value itself stores them.
 
-Inside a class, `cached_property` does this. A room above the class, such as statics for a `Surface`, uses `derived`."""
+Inside the class of the value, use `cached_property`; elsewhere, such as in statics for a `Surface`, use `derived`."""
 
 from collections.abc import Callable
 from functools import wraps

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Literal
 
 Status = Literal["pass", "fail", "unknown"]  # Result of a check; "unknown" if the results cannot decide.
-Mark = Status | Literal["note"]  # Status of an entry in a list of checks; a note does not count.
+Mark = Status | Literal["note"]  # Status of an entry in a list of checks; a note is no check.
 SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 BALANCE = 1e-4
@@ -16,7 +16,7 @@ The limit is far below the error of the elements. Rounding alone reaches 1e-6 on
 beam of 30 widths with 8 `hhj` cells across). Rounding reaches 1.3e-5 where needle-shaped faces of 9 micrometres bend at
 a thickness of 20 mm, because the entries of their stiffness are rounded."""
 
-REPORTED_RESIDUAL = 1e-8  # dsfab reports a larger relative residual of the linear system, measured in energy.
+REPORTED_RESIDUAL = 1e-8  # Relative residual of the linear system, in energy, above which dsfab reports it.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.
 
@@ -25,22 +25,22 @@ longer numbers gives 1e-10 (`dsfab.statics.factorisation.refined_solution`), if 
 with needle-shaped faces of 7 micrometres the residual stops at 1e-8. Such rounding depends on the number of threads,
 so it must not decide whether dsfab accepts a result."""
 
-LARGEST_MOVE = 0.1  # Linear statics are invalid for larger displacements, as a share of the surface's longest side.
+LARGEST_MOVE = 0.1  # Largest displacement for linear statics, divided by the longest side of the surface's box.
 AT_ONE_VERTEX = 0.95  # Largest accepted share of the reactions at one vertex.
-FEW_VERTICES = 3  # dsfab reports a support with fewer vertices if it carries more than `SOME_REACTION`.
-SOME_REACTION = 0.05  # A support with a smaller share of the reactions carries no load: it only prevents drift.
-FAR_FROM_SURFACE = 0.25  # Largest distance from a support's or load's point to its vertex, as a share of the size.
-LEAST_LOAD_SHARE = 1e-3  # Snow or wind has no effect if a smaller mean share reaches its faces.
-POSSIBLE_SIZE = (1e-9, 1e9)  # Metres; dsfab refuses all further sizes, because products of their numbers overflow.
-USUAL_SIZE = (0.01, 1e3)  # Metres; a smaller or larger surface causes a remark, because its unit may be wrong.
+FEW_VERTICES = 3  # A support that carries more than `SOME_REACTION` should have at least this number of vertices.
+SOME_REACTION = 0.05  # Share of the reactions up to which a support counts as unloaded: it only prevents drift.
+FAR_FROM_SURFACE = 0.25  # Largest distance of a point support or load from its vertex, divided by the surface's size.
+LEAST_LOAD_SHARE = 1e-3  # Snow or wind on faces counts as a load from this share of pressure times area.
+POSSIBLE_SIZE = (1e-9, 1e9)  # Allowed sizes of a surface, metres; products of other numbers overflow.
+USUAL_SIZE = (0.01, 1e3)  # Usual sizes of a surface, metres; for other sizes dsfab asks to check the unit.
 CONVERGED = 0.02  # A compliance counts as computed if its relative error bound is below this value.
 FACETS = 0.2
 """dsfab warns above this value of L^2 / (R h) of a mesh: edge length L, radius of curvature R, thickness h. At this
 value flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up
 to 20 %."""
 
-SLIT = 0.25  # Half-width of a member, in periods, at which its opening is equally wide; a narrower opening is a slit.
-CROWDING = 1.25  # Where openings cannot be wider, members may take this many times their usual share of the spacing.
+SLIT = 0.25  # Half-width, in periods, at which members are as wide as openings; narrower openings are slits.
+CROWDING = 1.25  # Largest width of crowded members divided by the median width, both in periods.
 FILM = 0.05  # A part of the sheet thinner than this share of the thickness counts as a film.
 OUTLINE = 1 / 40  # Default tolerance of lines and planar outlines, as a share of the thickness.
 OFF_SURFACE = 1 / 20
@@ -48,9 +48,9 @@ OFF_SURFACE = 1 / 20
 simplified solids respect this limit, and so does the check of a file with curves."""
 
 SIMPLIFIED_OFF_SURFACE = 2  # Factor on `OFF_SURFACE` for planar solids that otherwise have too many faces for a file.
-DEFLECTION = 1 / 4  # Triangles that check a file's curved faces may deviate from these by this share of `OFF_SURFACE`.
-CHANGED_VOLUME = 5e-3  # Largest accepted relative change of a volume when curves or fewer triangles replace triangles.
-READ_BACK = 1e-3  # Writing and reading a file may change its volume, area, lengths and box by this share.
+DEFLECTION = 1 / 4  # Largest distance of check triangles from a file's curved faces, divided by `OFF_SURFACE`.
+CHANGED_VOLUME = 5e-3  # Largest relative change of a volume when curves or fewer triangles replace its triangles.
+READ_BACK = 1e-3  # Largest relative change of volume, area, lengths and box when a file is written and read again.
 
 
 def worst_status(statuses: Iterable[Status]) -> Status:

@@ -126,7 +126,7 @@ NO_STRENGTH = (
 
 
 def material_named(name: str) -> NamedMaterial:
-    """Return the material of that name, in any case; raises PresetError with the nearest name for an unknown one."""
+    """Return the material of that name, ignoring case; raises PresetError with the nearest name for an unknown one."""
     key = " ".join(name.split()).lower()
     by_lower_name = {label.lower(): material for label, material in MATERIALS.items()}
     if key in by_lower_name:

@@ -31,7 +31,7 @@ class TomlError(ValueError):
 def toml_table(text: str) -> dict[str, Any]:
     """Return the tables of a TOML text; the function ignores a byte order mark.
     Raises TomlError for invalid text, for tables nested deeper than 50 levels, and for text that stops Python's reader
-    (thousands of brackets, endless numbers). No preset needs a quarter of these levels."""
+    (thousands of brackets, endless numbers). Presets have under 12 levels."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
         if _depth_is_over(values, 50):

@@ -26,7 +26,7 @@ def run(preset: Preset, progress: Progress | None = None) -> Design:
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
     """Return the design of `preset`, and reuse each stage of `design` before the first section that differs.
-    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear."""
+    A change of [pattern] repeats neither statics nor diffusion. A change of `gamma` or `r` does not repeat statics."""
     return Design.from_preset(preset, design, progress).until("thickening")
 
 

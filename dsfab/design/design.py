@@ -193,7 +193,7 @@ class Design:
         modes   : False to skip modes that evenly spaced stripes do not use.
         answers : True for the stress and energy of the design, False for rough values.
 
-        None if the approximate count of material cannot give the widths; then `pattern` raises the reason.
+        None if no approximate widths give the requested share of material; then `pattern` raises the reason.
         Raises the DsfabError of the stage that fails."""
         if answers:
             _ = self.statics

@@ -29,7 +29,7 @@ from dsfab.surface.orientation import one_sided_pieces
 
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """Return the stress (m, 3, 3), Pa, of each face that the pattern follows: of one case, or combined from several."""
+    """Return the stress (m, 3, 3), Pa, that the pattern follows on each face: of one case, or combined from several."""
     sigma = {name: statics.cases[name].followed_stress for name in preset.followed_weights}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -102,8 +102,8 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """Changes of stripe directions by the user: rotation from the stress (radians), guides, the symmetry that remains,
-    and a note for the user, or ''."""
+    """Changes of stripe directions by the user: rotation from the stress (radians), and guides; also the symmetry that
+    the changed directions still have, and a note for the user, or ''."""
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -135,7 +135,7 @@ class Steering:
 
 def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
     """Return the steering of a pattern.
-    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without a reach.
+    symmetry : symmetry of surface, supports and loads.    spacing : metres, for guides without own reach.
     Raises PatternError for an angle on a one-sided surface, and for a guide without effect."""
     oblique = options.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
@@ -160,7 +160,7 @@ def steering(options: Pattern, frames: Frames, symmetry: Symmetry | None, spacin
 
 
 def keeps_orientation(surface: Surface, symmetry: Symmetry) -> Bools:
-    """Return True for each image (g,) that keeps the sense of rotation on 90 % of the area; a mesh is never exact."""
+    """Return True for each image (g,) of the symmetry that keeps the sense of rotation on over 90 % of the area."""
     normal = surface.normals
     agree = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
@@ -183,7 +183,7 @@ def _keeps_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, 
 
 
 def _subgroup(symmetry: Symmetry, selected: Bools) -> tuple[Symmetry | None, int]:
-    """Return the selected symmetry and its order; None and 1 for the identity alone, or if they form no group."""
+    """Return the symmetry of the selected images and its order; None and 1 if these are no group or one image."""
     R = symmetry.R[selected]
     maps = tuple(T for T, is_selected in zip(symmetry.maps, selected, strict=True) if is_selected)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):

@@ -44,10 +44,10 @@ SLOPES = (0.6, 1.6)
 
 @dataclass(frozen=True, eq=False)
 class FamilyLines:
-    """The lines of one family.
-    most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face.
-    free  : (m,) as `wish`, but without limits, also negative.
-    slope : (n,) periods per metre at each vertex.    grown : actual over wanted growth of the phase, in total."""
+    """The lines of one family; each halving ends every second line.
+    most  : largest number of halvings.      wish  : (m,) wanted number of halvings on each face, 0 to `most`.
+    free  : (m,) as `wish`, but without these bounds.
+    slope : (n,) periods per metre at each vertex.    grown : growth of the phase divided by its wanted growth."""
 
     phase: CornerPhase
     most: int
@@ -137,18 +137,17 @@ def _directions(
     families.
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
-    The search for crossings of the two stresses precedes smoothing. Across a crossing the direction of the larger
-    stress turns by a right angle. Smoothed directions in between would be meaningless, with singular points along
-    crossing."""
+    At a crossing the two principal stresses are equal, and the direction of the larger one turns by a right angle. The
+    search for crossings precedes smoothing, because smoothing across them would produce singular points."""
 
     def smooth(stress: StressDirections, length: float) -> Floats:
         return images.directions(frames, cross_field(frames, stress, length, steer.turn, steer.guidance))
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:
-        # measured on eight plates: with 1 edge, a face joins both sides of a crossing; with .25 edges, noise joins them
+        # tests on eight plates: smoothed over 1 edge, faces joined both sides of a crossing; over 0.25 edges, noise did
         crossed = _crossed_over(options, frames, smooth(stress, 0.6 * frames.surface.mean_edge), images)
-        # a smaller region has no space for two members: with 1.6 lengths, four members of a floor had loose ends
+        # a smaller region has no space for two members: with 1.6 instead of 2, four members of a floor had loose ends
         crossed = crossed & (_region_areas(frames, crossed) > (2.0 * length) ** 2)
         stress = _exchanged_on(stress, crossed[frames.surface.F].mean(axis=1) > 0.5)
     along = smooth(stress, length)
@@ -209,12 +208,12 @@ class FamilyCourse:
 
     def lines(self, spacing: float) -> FamilyLines:
         """Return the lines of the family, on average `spacing` (m) apart.
-        Of two phases that differ by half a period, the chosen phase puts lines where stressed places move. Supported
-        places are stiff without a line."""
+        A shift of the phase by half a period is possible; the function takes the phase whose lines run where stressed
+        places move. Supported places need no line."""
         frames, images, halvings = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**halvings)  # closed lines then have whole periods after halving
+        coarse = Flow(frames, self.g, finest / 2**halvings)  # so closed lines have whole periods after halving
         locked_to_guides, aim = guide_phases(self.members, frames, self.g, coarse.density)
         lock = locked_to_guides | boundary_lines(surface, self.g, spacing)
         conditions = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -254,7 +253,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floats) -> Floats:
-    """Return periods per metre (n,) around each vertex, from the gradient's `size` (m,) on regular faces."""
+    """Return periods per metre (n,) around each vertex, from the gradient's `size` (m,) on all but singular faces."""
     regular = (~singular).astype(float)
     mean, regular_share = vertex_means(surface, np.stack([size * regular, regular], axis=1)).T
     slope = np.divide(mean, regular_share, out=wanted_density.copy(), where=regular_share > 0)
@@ -262,15 +261,15 @@ def _slope(surface: Surface, size: Floats, singular: Bools, wanted_density: Floa
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Return True if the pattern follows the stress of the middle surface, as optimal forces require."""
+    """Return True if the pattern follows the stress of the middle surface, which optimal forces need."""
     cases = [statics.cases[name] for name in preset.followed_weights]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """Return statics in which stresses of the stiffest sheet of varying thickness replace the followed stresses.
-    Each stress is scaled by its local over the constant thickness. Raises PatternError if the pattern follows
-    bending."""
+    """Return statics whose followed stresses come from the stiffest sheet of varying thickness.
+    Each stress is that sheet's force over the constant thickness. Raises PatternError if the pattern follows bending.
+    """
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
             'pattern.forces = "optimal" needs membrane forces, but the pattern follows bending here: set '
@@ -289,9 +288,8 @@ FINEST = 0.5
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:
-    """Return True if two [pattern] sections give the same centre lines: only widths and kept regions may differ.
-    Keys for stripes on modes make no difference, either. Any new key counts, until this function names it. With
-    rounds of weight, every key counts."""
+    """Return True if two [pattern] sections give the same centre lines: only widths, kept regions and keys for
+    stripes on modes may differ. With rounds of weight, the sections must be equal."""
     if current.rounds:
         return earlier == current
 
@@ -333,9 +331,9 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _redrawn_lines(
     directions: StripeDirections, courses: dict[int, FamilyCourse], families: list[FamilyLines], spacings: list[float]
 ) -> "_DividedFamilies":
-    """Return both families of lines, redrawn if the mean spacing (m) of the remaining lines is off by over 5 %.
-    A family with all or no lines halved may miss any spacing by half. A family still off by 30 % is drawn
-    without halving."""
+    """Return both families of lines. A family is drawn again if the mean spacing (m) of its remaining lines is off
+    by over 5 %, and without halving if it is still off by over 30 %: halving all or no lines may miss the spacing by
+    half."""
     surface, result = directions.frames.surface, _DividedFamilies.from_lines(directions, *families)
     tries = [result]
     for limit, halve in ((0.05, True), (0.3, False)):
@@ -343,7 +341,7 @@ def _redrawn_lines(
         redo = [k for k, lines in enumerate(families) if lines.most > 0 and abs(deviations[k]) > limit]
         if not redo:
             break
-        for k in redo:  # the spacing is known only after drawing, because halved lines end at whole openings
+        for k in redo:  # lines end at openings, so their spacing is known only after drawing
             wider = spacings[k] * float(np.exp(deviations[k]))
             families[k] = courses[k].lines(wider) if halve else courses[k].without_halving.lines(spacings[k])
         tries.append(_DividedFamilies.from_lines(directions, *families))
@@ -352,7 +350,7 @@ def _redrawn_lines(
 
 
 def _spacing_errors(surface: Surface, divided: "_DividedFamilies", spacings: list[float]) -> Floats:
-    """Return the logarithm of drawn over requested stripes per metre, on average, for each family (2,)."""
+    """Return the logarithm of drawn divided by requested stripes per metre, on average, for each family (2,)."""
     mean = surface.vertex_areas @ divided.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
@@ -389,8 +387,8 @@ def _digits(length: float) -> str:
 @dataclass(frozen=True, eq=False)
 class _DividedFamilies:
     """Both families after lines end in crowded places; density : (n, 2) remaining lines per metre of each family.
-    The density is the mean over all symmetric images of a point, because widths depend on it, and faces of a mesh are
-    less symmetric than vertices."""
+    The density is the mean over all symmetric images of a point: widths depend on it, and faces are less symmetric
+    than vertices."""
 
     both: tuple[FamilyLines, FamilyLines]
     halved: LineHalving

@@ -43,7 +43,7 @@ def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
 
 def merging_rule(preset: Preset) -> Merging:
     """Return the rule for filling slits: all slits, or only those of crowded members.
-    If more than half of the surface is solid, members are hardly narrower than openings, so slits are normal."""
+    If more than half of the surface is solid, most openings are narrower than members, so slits are normal."""
     return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
@@ -60,7 +60,7 @@ def trial_cut(
 
 
 def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[TrialCut, float]:
-    """Return a trial cut with bridges and, for a workshop, with least widths; also the added share of the surface.
+    """Return a trial cut with bridges (for a workshop also with least widths), and the added share of the surface.
     A bridge fills a gap between rounded members that is too narrow."""
     trial = trial.with_bridges()
     if preset.pattern.for_workshop:
@@ -69,8 +69,8 @@ def with_bridges(preset: Preset, surface: Surface, trial: TrialCut) -> tuple[Tri
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
-    """Return the smallest opening and the smallest neck (m), or 0: smaller openings are filled, smaller necks bridged.
-    Openings between evenly spaced stripes have necks about as wide as the sheet is thick."""
+    """Return the smallest openings and necks of openings (m), or 0; smaller openings are filled, smaller necks bridged.
+    Necks between evenly spaced stripes are at least about as wide as the sheet is thick."""
     options, min_opening = preset.pattern, preset.slicing.min_opening
     if min_opening is not None or options.method != "stripes":
         return min_opening or 0.0, min_opening or 0.0
@@ -78,7 +78,7 @@ def smallest_widths(preset: Preset, surface: Surface) -> tuple[float, float]:
     thickness = preset.statics.thickness
     # another rule already fills slits between tidied members
     opening = min(SPECK * spacing, thickness) if options.removes_loose_ends else SPECK * spacing
-    # the neck is a tenth wider than the thickness, because chords round the corners beside a bridge
+    # a tenth wider than the thickness, because chords replace the round corners beside a bridge
     return opening, min(1.1 * thickness, 0.2 * spacing)
 
 
@@ -95,9 +95,8 @@ class WorkshopWidths(NamedTuple):
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
     """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
-    By default no member is narrower than half the thickness, about the width of a cutter. This default is also the
-    largest limit for members: if [slicing] requests more, only members between openings with round corners are widened.
-    """
+    By default a member is at least half as wide as the sheet is thick, about the width of a cutter. If [slicing]
+    requests more, only members between openings with round corners become wider than that."""
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     slicing, thickness = preset.slicing, preset.statics.thickness
@@ -124,8 +123,8 @@ def _least_requested_member(options: Pattern, surface: Surface) -> float:
 
 
 def least_member(options: Pattern, surface: Surface) -> float:
-    """Return the least width (m) of evenly spaced members of varying width.
-    It is half the width that equally wide members would have; without a solid fraction half the surface is material."""
+    """Return the least width (m) of evenly spaced members of varying width: half the width of equally wide members.
+    Without a solid fraction, half of the surface counts as material."""
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
     return 0.5 * (options.width.solid_fraction or 0.5) / density
 
@@ -133,7 +132,7 @@ def least_member(options: Pattern, surface: Surface) -> float:
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
-    """Return the share of the surface that least widths add to the sheet of a pattern, by the defaults of [slicing].
+    """Return the share of the surface that least widths add to the sheet of a pattern, with the defaults of [slicing].
     polygons : the surface cut along the pattern, if the caller has it."""
     usual = pattern.preset_with_choices(preset.model_copy(update={"slicing": Slicing()}))
     options = finishing_options(usual, surface, pattern)
@@ -149,12 +148,12 @@ def least_drawn_member(preset: Preset, surface: Surface) -> float:
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Return the least widths by the defaults of [slicing], because no stage depends on a later section."""
+    """Return the least widths with the defaults of [slicing], because no stage depends on a later section."""
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 
 def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> str:
-    """Return a note on the counts of finishing at places under the least widths of openings and members, or ""."""
+    """Return a note on the places that finishing changed for the least widths, counted by kind; '' without any."""
     gap, member = least
     parts = (
         ("closed", f"openings narrower than {length(gap)} were closed at {_places(counts['closed'])}"),

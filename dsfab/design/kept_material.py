@@ -22,7 +22,7 @@ class _LatestLayers(NamedTuple):
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """Return the layers that are material independent of the stripes.
+    """Return the layers that are material wherever the stripes run.
     With symmetric stripes, patches around supports and loads are united with their images, because their edges are
     ragged by up to one mesh edge. The user's regions stay unchanged."""
     layers, options = _cached_layers(preset, surface, load), preset.pattern
@@ -47,7 +47,7 @@ def _cached_layers(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
 
 
 def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """Return the options to remove loose ends from layers that are cut together, or None if the preset excludes it."""
+    """Return the options to remove loose ends from layers that are cut together; None if the preset keeps them."""
     if not preset.pattern.removes_loose_ends:
         return None
     names = [layer.name for layer in layers]
@@ -61,7 +61,7 @@ def tidy_of(preset: Preset, analysis: StressedSurface, layers: Sequence[Layer]) 
 
 
 def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """Return faces (m,) where stripes on a mode run nearer to the second stress direction; None without modes."""
+    """Return faces (m,) where stripes on a mode are nearer to the other principal direction; None without modes."""
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -95,11 +95,11 @@ def corrected_pattern(
     added_share: Callable[[PatternResult], float],
     bridged_share: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Return stripes that keep the requested share after finishing (round corners, filled openings), and that share
-    reached.
+    """Return stripes that cover the requested share of the surface after finishing (round corners, filled openings),
+    and the share that they cover.
 
-    draw_pattern  : draws stripes, for an added share and an estimate of their factor (0 for none).
-    nearest_share : returns the share near a target that the latest stripes keep.
+    draw_pattern  : draws stripes, for a share that finishing adds and an estimate of the width factor (0 for none).
+    nearest_share : returns the measured share nearest to a target, from all shares measured for the latest stripes.
     added_share   : returns the share that finishing adds.
     bridged_share : returns the share that bridges add to the latest stripes. It takes long and is mostly 0, so it runs
                     once after the search without bridges, and in each further trial only if it was not 0.
@@ -128,7 +128,7 @@ def corrected_pattern(
         latest = trials[-1] = latest._replace(added=latest.added + bridges, total=latest.total + bridges)
         trials[:-1] = []  # earlier trials do not include bridges
         latest = converge(latest)
-    for k in range(8):  # the last five rounds use the preset's tolerance
+    for k in range(8):  # the last five rounds accept the preset's tolerance
         accepted = max(tolerance, UNREPORTED) if k >= 3 else UNREPORTED
         if min(abs(trial.total - requested) for trial in trials) <= accepted or not (
             middle := _middle_target(trials, requested)
@@ -141,7 +141,7 @@ def corrected_pattern(
 
 
 def _middle_target(trials: Sequence[_ShareTrial], requested: float) -> float:
-    """Return the middle of the nearest two trials around the requested share; 0 without such trials."""
+    """Return the middle of the aims of two trials whose totals lie below and above the requested share; else 0."""
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in trials for b in trials if a.total < requested < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))
     return middle if gap > SHARE_TOLERANCE / 16 else 0.0

@@ -123,7 +123,7 @@ def _load_action(load: Load) -> str:
 
 
 def _action_kind(kind: str | None) -> str:
-    """Return the action of a kind of EN 1990; any snow kind is snow, imposed loads and temperature are variable."""
+    """Return the kind of an action of EN 1990 as permanent, snow, wind or variable; '' for None."""
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"

@@ -25,12 +25,12 @@ them: a plate with a hole at 30 % solid fraction has .86 times the compliance.""
 
 @dataclass(frozen=True, eq=False)
 class MethodCandidate:
-    """A method of drawing stripes, with the worth of its trial.
+    """A method of drawing stripes, with the results of its trial.
 
     preset  : preset without open choices.             choice  : choice of modes and phases that were `auto`.
     even    : evenly spaced stripes; None for modes.   sheet   : sheet after the cut; None if the trial failed.
-    grading : (n, f) half-width of each vertex and family over the largest, for the rule `stressed`; else None.
-    notes   : notes for the design.                    drawn   : finished stripes, if drawn as for building."""
+    grading : (n, f) half-width of each vertex and family, relative to the largest; None without the rule `stressed`.
+    notes   : notes for the design.                    drawn   : stripes of a design as built; else None."""
 
     preset: Preset
     attempt: Attempt
@@ -50,9 +50,9 @@ def _stiffest(candidates: list[MethodCandidate]) -> MethodCandidate | None:
 def stressed_candidates(
     preset: Preset, candidates: list[MethodCandidate], analysis: StressedSurface, log: Log
 ) -> Iterator[MethodCandidate]:
-    """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may exchange rules.
-    Flat sheets gain most: their compliance is 1.2 to 1.7 times that of a topology optimisation by this rule, 1.3 to
-    3.9 times by other rules."""
+    """Yield the best even stripes and the best modes with the width rule `stressed`, if the search may choose the rule.
+    Flat sheets gain most: with this rule their compliance is 1.2 to 1.7 times that of a topology optimisation, with
+    other rules 1.3 to 3.9 times."""
     if not _exchangeable(preset.pattern.width):
         return
     for method in ("stripes", "modes"):
@@ -118,13 +118,13 @@ def respaced_candidates(
             except DsfabError as error:
                 yield MethodCandidate(variant_preset, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # otherwise halving ends no line early
+            if any(even.wanted) or not halve:  # halving has no effect if it ends no line
                 variant = MethodCandidate(variant_preset, Attempt(words), None, even)
                 yield _with_worth(variant, analysis, replace(log, notes=[]))
 
 
 def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """Return families with open spacings, scaled by `factor` and rounded to two digits, and a text with these spacings.
+    """Return families without a given spacing, with `factor` times the default (two digits), and a text with spacings.
     A family whose stripes would be less than two mesh edges apart is left out: a member and an opening need one
     each."""
     families, distances = dict[str, Family](), list[str]()
@@ -138,7 +138,7 @@ def _respaced_families(preset: Preset, surface: Surface, factor: float) -> tuple
 
 
 def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) -> MethodCandidate:
-    """Return a candidate with its worth as built, by the elements of a trial and the defaults of [slicing]."""
+    """Return a candidate built with the defaults of [slicing], and solved with the elements of a trial."""
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
@@ -153,7 +153,7 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
-    """Return the methods to try; True for a method with halving in crowded places."""
+    """Return the methods to try; each has a name, and True if lines end in crowded places (halving)."""
     halved = [("stripes", True)] if preset.pattern.may_halve else []
     modes = [] if preset.pattern.is_steered else [("modes", preset.pattern.halve)]  # modes do not follow guides
     return [*halved, ("stripes", False), *modes]
@@ -219,8 +219,8 @@ def _exchangeable(width: Width) -> bool:
 
 def _width_variants(width: Width) -> dict[str, Width]:
     """Return width rules to try, by name.
-    One of them is a gentle grading, by half the power q. Bars without bending are stiffest if as wide as their force,
-    but members with little force still carry their own weight and brace other members."""
+    One of them grades gently, with half the power q. Bars without bending are stiffest with widths in proportion to
+    their forces, but members with little force still carry their own weight and brace other members."""
     if not _exchangeable(width):
         return {width.rule: width}
     gentle = 0.5 * width.q
@@ -262,7 +262,7 @@ def method_step(preset: Preset, analysis: StressedSurface, log: Log) -> tuple[Me
 
 
 def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return the candidates; the best four, if nearly equal, have their worth as built.
+    """Return the candidates; up to four nearly equal ones are replaced by their results as built and solved.
     The best candidate is built last, because slicing continues from its trial cut."""
     *flaws, soft = min(candidate.attempt.rank for candidate in candidates)
     limit = (*flaws, (1 + NEAR_BEST) * soft)
@@ -276,7 +276,7 @@ def _finalists_as_built(candidates: list[MethodCandidate], analysis: StressedSur
 
 
 def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> list[MethodCandidate]:
-    """Return candidates, best first; better elements order equally flawless, nearly equally stiff candidates."""
+    """Return candidates, best first; better elements order those with equal flaws and nearly equal stiffness."""
     ranked = sorted(candidates, key=lambda candidate: candidate.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     near_best = [candidate for candidate in ranked if candidate.sheet and list(candidate.attempt.rank[:-1]) == flaws]
@@ -287,7 +287,7 @@ def _ranking(candidates: list[MethodCandidate], analysis: StressedSurface) -> li
 
 
 def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) -> float:
-    """Return energy (J) times share of material, to three digits as in `Attempt.rank`, by the elements of reports."""
+    """Return energy (J) times share of material, to three digits as in `Attempt.rank`, with the elements of reports."""
     assert candidate.sheet is not None
     trial = Trial(candidate.preset, analysis, candidate.even)
     compliance = trial.compliance(candidate.sheet.surface, trial.loads_on(candidate.sheet), "compliance_once")

@@ -28,7 +28,7 @@ SHARE_TOLERANCE = 2e-3
 
 
 class CarryingSheet(NamedTuple):
-    """Cells of a cut, the supported sheet, and options for loose ends; kept, whole and pieces as in a `Candidate`."""
+    """Cells of a cut, the supported sheet, and options to remove loose ends; for the other fields see `Candidate`."""
 
     cells: Sheet
     sheet: Sheet
@@ -158,10 +158,10 @@ def stressed_step(
 
 
 def stressed_choice(preset: Preset, analysis: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """Return the choice, beginning with the modes and phases that are stiffest with the width rule `stressed`.
-    The search computes stressed widths of the best three pairs of modes and of the lowest pair. Their order may change:
-    on the cantilever at 30 % of the material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut
-    plate, and modes 1 and 1 from 4.40 to 3.01 times."""
+    """Return the choice, which begins with the modes and phases that are stiffest with the width rule `stressed`.
+    The function computes stressed widths for the best three pairs of modes and the lowest pair. This may change their
+    order. On a cantilever at 30 % of the material, the compliance over that of the uncut plate falls from 4.12 to 3.86
+    for modes 2 and 2, and from 4.40 to 3.01 for modes 1 and 1."""
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
@@ -221,7 +221,7 @@ class StressedTrial(Trial):
         carrying = self.carrying(layers)
         options = self.preset.pattern
         requested = options.width.solid_fraction
-        if options.forces == "optimal":  # the counted share includes ends that are removed later, which vary most here
+        if options.forces == "optimal":  # `_share` also counts ends that are removed later
             self.added = float(np.clip(self.added + carrying.kept - requested, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(carrying.sheet.surface, self.loads_on(carrying.sheet))
@@ -269,8 +269,8 @@ ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
     """Return the candidates for modes and phases that are `auto`, best first.
     The best candidate has the smallest compliance per share of material, and supports every concentrated load. The
-    search tries at most 57 candidates, the steps of a topology optimisation. For the width rule `stressed`, trials use
-    graded widths; then `stressed_choice` reorders the best few.
+    search tries at most 57 candidates, as many as a topology optimisation has steps. For the width rule `stressed`,
+    trials use graded widths; then `stressed_choice` reorders the best few.
     Raises PatternError if no candidate carries the loads."""
     candidates: dict[ModesAndPhases, Candidate] = {}
     with log.row("choice"):
@@ -304,7 +304,7 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, ModesAndPhases]:
-    """Return the sort key, with three digits: so mirror images are equal, and lower modes and phases come first."""
+    """Return the sort key; with three digits, mirror images are equal, and their lower modes or phases come first."""
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < CONNECTED_SHARE, soft, (candidate.mode, candidate.phase)
 

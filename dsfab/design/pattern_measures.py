@@ -94,7 +94,7 @@ def _sheet_quality(
 
 
 def _ends_on_sheet(sheet: Surface, reach: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """Return the family without dead ends that the sheet does not have.
+    """Return the quality of a family, with only those dead ends that the cut sheet still has.
     An end does not count if its material was removed, or if the member continues, for example as a member of the other
     family around a singular point of the stress.
     reach      : metres; a dead end still exists if material is nearer than this.
@@ -193,8 +193,7 @@ def _asymmetric_share(
     faces    : the chart or the cells. Each sample point stands for the same area; points are spread evenly in the
                faces, so that no row of points lies along the edge of a member.
     material : returns True for each of the points (p, 3) whose nearest place is material, (p,).
-    samples  : approximate number of points times images. On a floor with eight images, 24,000 gave .40 % instead of .55
-               %."""
+    samples  : approximate number of points times images; 24,000 gave .40 instead of .55 % for eight images."""
     centre = centroid(surface)
     cumulated_area = np.cumsum(faces.areas)
     number = np.arange(samples // symmetry.order)
@@ -224,7 +223,7 @@ class FilledOpenings(NamedTuple):
 
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours; None without any.
-    samples : number of largest cells of an opening that must be filled, so that the opening counts as filled."""
+    samples : an opening counts as filled if this number of its largest cells is filled."""
     openings = openings_of(before)
     if openings is None:
         return None

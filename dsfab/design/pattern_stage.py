@@ -71,7 +71,7 @@ def drawn_share(preset: Preset, analysis: StressedSurface, even: EvenStripes) ->
 
 
 def statics_with_weight_share(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """Return `statics`, with a share (m,) of each face's weight in the followed cases, at equal stiffness."""
+    """Return `statics`; in the followed cases each face has only a share (m,) of its weight, but its full stiffness."""
     layered = any(case.layered is not None for case in statics.cases.values())
     follow = "layers" if layered else "membrane"  # the first round followed the same stress
     section = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
@@ -127,7 +127,7 @@ class ChosenMethod(NamedTuple):
 def chosen_method(
     preset: Preset, analysis: StressedSurface, log: Log, earlier: EarlierStripes | None = None
 ) -> ChosenMethod:
-    """Choose the method, modes, phases and forces of the stripes; the width that a share of material needs comes later.
+    """Choose the method, modes, phases and forces of the stripes; a later step computes their widths.
     earlier : stripes of an earlier design, reused if only widths and kept regions may have changed."""
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:

@@ -63,7 +63,7 @@ class CoveringLoads:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if its rim can take it."""
+        """Move loads (m, 3), N, to the faces that carry them; the moment of an opening goes to its rim if possible."""
         loaded_faces = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
         # a face of the rim may carry parts of several openings

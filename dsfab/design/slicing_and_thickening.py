@@ -180,13 +180,13 @@ def _note_slicing(
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """Note loads that differ on the cut sheet, because the stress of the uncut sheet sets the directions."""
+    """Note loads that differ on the cut sheet, because the directions of stripes follow loads on the uncut sheet."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(part.weight.any() for part in parts):
         areas = surface.area, sheet.surface.area
         uncut_weight, sheet_weight = (force(preset.statics.area_weight * area) for area in areas)
         message = f"the cut sheet weighs {sheet_weight}, which all its results include"
-        if not preset.pattern.rounds:  # with rounds, the pattern's note states this weight
+        if not preset.pattern.rounds:  # with rounds of weight, the pattern's note states it
             message += f"; the directions follow the weight of the uncut sheet, {uncut_weight}"
         log.note("slicing", message)
     if any(part.bare.any() for part in parts):

@@ -14,11 +14,11 @@ RESULT_NAMES = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
 class StageResults:
     """The results of one design by name, each computed once.
 
-    results : results of the stages. They stay with the design; a revision shares those before its first difference.
-    derived : values that follow from a stage, with that stage. A revision shares them like results. A pickled design
-              omits them, because another process can compute them again.
-    inputs  : large intermediate results for one later stage, with that stage. The stage drops them when it has its
-              result; revisions and pickled designs omit them."""
+    results : results of the stages. A revision shares those of the stages before its first changed section.
+    derived : values that follow from a stage, each with the stage's name. A revision shares them like results. A
+              pickled design omits them, because another process can compute them again.
+    inputs  : large intermediate results, each with the name of the one later stage that needs it. They exist until
+              this stage has its result; revisions and pickled designs omit them."""
 
     results: dict[str, Any] = field(default_factory=dict)
     derived: dict[str, tuple[str, Any]] = field(default_factory=dict)

@@ -48,7 +48,7 @@ class WidthSearch(NamedTuple):
     """Options of the search for widths with which layers cover pattern.width.solid_fraction of the surface.
     share     : returns the share of the surface that layers cover.
     tolerance : accuracy of the share.    guess : width factor of a similar pattern, which saves time, or 0.
-    counted   : a quicker, rougher `share`, which begins the search.
+    counted   : a faster, less accurate function than `share`, for the first part of the search.
     added     : share that round corners add; the share of the stripes is the requested share minus this share."""
 
     share: Callable[[Sequence[Layer]], float]
@@ -158,7 +158,7 @@ def sketched_step(
     surface = analysis.surface
     kept_layers = kept_regions(preset, surface, analysis.load, even)
     families = drawable_families(preset, analysis, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # the error of shares by sample points
+    search = WidthSearch(counted_share(surface, kept_layers, COUNTED), 4e-3)  # sample points are no more accurate
     layers, factor = solved_layers(preset, surface, kept_layers, families, search)
     pattern = pattern_result(preset, families, layers)
     return replace(pattern, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, analysis, layers))
@@ -205,8 +205,8 @@ def solved_layers(
     families: Sequence[DrawableFamily],
     search: WidthSearch,
 ) -> tuple[list[Layer], float]:
-    """Return kept layers and stripes with the requested share, and the factor on the widths.
-    Raises PatternError if no widths give that share."""
+    """Return kept layers and stripes with the requested share, and the width factor that gives this share.
+    Raises PatternError if no widths give the share."""
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow_stress else 1.0)
 
@@ -216,7 +216,7 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         requested = width.solid_fraction - added
-        slope = 0.85 * requested if guess else 0.0  # below 1, because two members share their crossing
+        slope = 0.85 * requested if guess else 0.0  # not 1: crossing members share an area
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
             counted = counted_share(surface, kept_layers, COUNTED)  # the rough widths decide which openings close
         if counted is not None:
@@ -238,9 +238,9 @@ def _layers_with_share(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """Return layers with a requested share, and their factor; the given factor decides which openings close.
+    """Return layers with a requested share, and their width factor. The given `factor` decides which openings close.
 
-    solve : solves for the factor over the given one, like `solved_factor`, from a function that returns the share.
+    solve : takes a function from x to the share at x times `factor`; returns the x of the requested share.
 
     The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
     is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
@@ -321,7 +321,7 @@ def drawable_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """Return the size of the stress (n, 2) along both families, over the mean of both; graded widths depend on it.
+    """Return the size of the stress (n, 2) along both families, divided by the mean of both; it sets graded widths.
     Raises PatternError if the stress is zero."""
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:

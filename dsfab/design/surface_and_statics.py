@@ -240,7 +240,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moment_stresses(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """Return the stress under each loading; after hinge elements, which scatter, the sheet is solved again."""
+    """Return the stress under each loading. If hinge elements solved the sheet, other elements solve it again."""
     if answers[0].elements.bending != "hinge":
         return [answer.stress for answer in answers]
     model = preset.statics.sheet().model_for(surface)
@@ -274,7 +274,7 @@ USUAL_SLENDERNESS = (10.0, 5e3)
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Raise SurfaceError for an impossible ratio of size and thickness; note an unusual one: units may be swapped."""
+    """Raise SurfaceError for an impossible ratio of size and thickness; note an unusual size or ratio."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     message = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
@@ -373,7 +373,8 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
     """Return the surface before it is cut along regions.
-    If [surface] requests so, edges are shorter where the stress changes, by statics on even triangles."""
+    If [surface] requests so, edges are shorter where the stress changes; statics on even triangles find these places.
+    """
     section = preset.surface
     if not isinstance(section, OwnSurface):
         return section.build()

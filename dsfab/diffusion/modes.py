@@ -27,10 +27,10 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    These directions decide in turn: the vectors; from the surface's centroid to that of every weight; the skew of the
-    area; principal axes of inertia of the area and of the weights, towards positive third moments. The coordinates x,
-    y, z decide the rest. A dome under its own weight determines only its axis, and any rotation of its pattern about
-    this axis is equally good."""
+    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to that
+    of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards positive
+    third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any rotation of
+    its pattern about this axis is equally good."""
     with one_blas_thread():
         return _axes(surface, weights, vectors)
 
@@ -51,7 +51,7 @@ def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]
 
 
 def _axis_candidates(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
-    """Yield candidates, of length about 1 if they are clear and about 0 if they are meaningless."""
+    """Yield the directions that `reference_axes` lists, of length about 1 if clear and about 0 if meaningless."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
         if length > 0:
@@ -77,9 +77,9 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
 
 
-REPEATED = 1e-6  # Eigenvalues that differ by less than this share are repeated.
-VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if it has at least this share in an eigenspace.
-SPARE = 2  # Number of pairs computed beyond the requested pairs, so that a repeated last eigenvalue is mostly complete.
+REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
+VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if this part of it lies in the eigenspace.
+SPARE = 2
 """Number of eigenpairs computed beyond the requested number, so that a repeated last eigenvalue is mostly complete."""
 
 
@@ -167,7 +167,7 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """Return the root of the mass (n,). A vertex without faces has mass 0 and gets a unit row of the scaled matrix."""
+    """Return the square root (n,) of the mass. A vertex without faces has mass 0 and gets a unit row of the matrix."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
@@ -228,7 +228,7 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
 
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
-    """Return polynomials (n, 19) of the coordinates along the axes up to degree 3, centred and normalised in M."""
+    """Return polynomials (n, 19) of the coordinates along the axes up to degree 3; mean 0 and length 1 in M."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]

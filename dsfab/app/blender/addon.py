@@ -60,7 +60,7 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object with its modifiers as OBJ, in metres, at its place. Raises BuildError if it has no faces."""
+    """Write an object with its modifiers as OBJ, in metres and world coordinates. Raises BuildError without faces."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} is a result of dsfab; select its surface, {source[MADE_OF]}")
     if source.type not in WITH_FACES:
@@ -136,7 +136,7 @@ def new_collection(name: str, under: bpy.types.Collection) -> bpy.types.Collecti
                 if item.get(MADE_OF):
                     bpy.data.objects.remove(item)
                 elif not set(item.users_collection) - {part}:
-                    under.objects.link(item)  # the user's own object moves to the parent
+                    under.objects.link(item)  # keep an object that the user has put here
             bpy.data.collections.remove(part)
     collection = bpy.data.collections.new(f"{name} structure")
     collection[MADE_OF] = name
@@ -190,7 +190,7 @@ class Build(bpy.types.Operator):
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design gets this name
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # its name becomes that of the design
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # the output goes into a file, because a full pipe would stop the program

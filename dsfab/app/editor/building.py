@@ -39,7 +39,7 @@ class EditorBuild:
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """A request to build a preset; stages of the design `old` are used again if they are equal.
+    """A request to build a preset; unchanged stages of the design `old` are used again.
     picture : whether to draw a picture too.
     mesh    : mesh file of the page; dsfab copies it to the built files, and the written preset names the copy.
     only    : a single format as in `dsfab export --to`; '' for all files of a build.
@@ -54,7 +54,7 @@ class BuildRequest:
 
 
 def build_files(request: BuildRequest, folder: Path, progress: ReportProgress) -> EditorBuild:
-    """Write the files of `dsfab build`; `facts` reports a STEP file over its limit. Raises DsfabError."""
+    """Write the files of `dsfab build`; the fact `refused` tells why a STEP file is missing. Raises DsfabError."""
     preset = request.preset
     design = _design_of_request(request, progress)
     if request.mesh:

@@ -23,8 +23,8 @@ class Control:
     live            : whether the page draws a change without the server; otherwise the server solves the change.
     word            : word that the key accepts in place of a number ("auto", "off").
     worth           : number that the word stands for; None if the key keeps the word.
-    method          : the only pattern.method with this control.
-    instead         : number that the value 0 stands for, for evenly spaced stripes."""
+    method          : the only pattern.method that has this control; '' for all.
+    instead         : spacing of evenly spaced stripes that the value 0 stands for, metres."""
 
     group: str
     key: str

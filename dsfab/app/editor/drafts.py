@@ -91,9 +91,9 @@ def draft_model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 def pattern_widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) of both families at frequency 1.
-    Slopes of evenly spaced stripes are lines per metre. `shares` (n, 2) are factors on the half-widths by width rules.
-    """
+    """Return facts about the pattern, and arrays of both families: half-widths (n, 2) in periods, and slopes (n, 2).
+    Slopes are lines per metre, for stripes on modes at frequency 1. `shares` (n, 2), for evenly spaced stripes, are
+    the local half-widths divided by the mean half-widths at a vertex."""
     pattern, options, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.from_design(draft)
     facts = {
@@ -121,7 +121,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 
 
 def has_creases(surface: Surface) -> bool:
-    """Return True if a face differs so much from its corner normals that the shader must light each pixel."""
+    """Return True if a face's normal differs so much from those at its corners that each pixel must be lit."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
@@ -165,7 +165,7 @@ def _lines_per_metre(surface: Surface, x: Floats) -> float:
 
 
 def _mark_arrays(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Return arrows of grouped forces (k, 6), place and newtons, and the places (k, 3) of supports."""
+    """Return arrows (k, 6) of grouped forces, each with place (m) and force (N), and the places (k, 3) of supports."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     loads = [_gathered_forces(V, load.force, acts & load.loaded, POINT_LOAD_SPACING, surface.size)]
@@ -180,7 +180,7 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates show no visible difference
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # the picture looks the same with more candidates
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
@@ -191,7 +191,7 @@ TINTS = ("major", "minor")  # Families with their own colours; further material 
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Return the arrays of a cut sheet with k vertices and m faces; adjacent families have separate vertices.
+    """Return the arrays of a cut sheet with k vertices and m faces; families share no vertices.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) edges of the outlines.
     tint : (k,) 0 major family, 1 minor family, 2 further material.    normals : (k, 3) unit, of the uncut surface.
@@ -228,7 +228,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
     under      : whether the narrowest member is narrower than the least width.
-    bars_under : for each bar of the histogram of widths, whether it is below the least width."""
+    bars_under : for each bar of the histogram of widths, whether its widths are below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member
@@ -245,9 +245,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit(
-            (limits[1:] + limits[:-1]) / 2, least
-        ).tolist(),  # the least width is a border between two bars
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # no bar contains the least width
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": draft.statics.equilibrium.compliance,

@@ -65,7 +65,7 @@ class EditorJob:
 
 
 log = logging.getLogger(__name__)
-CANCEL_SECONDS = 0.5  # The editor abandons a thread that makes no report for so long after a cancellation.
+CANCEL_SECONDS = 0.5  # A thread must report within this time after a cancellation; else the editor abandons it.
 
 
 class Jobs:

@@ -45,7 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` stays equal while only stripes change; the page then keeps its data."""
+    """A draft that the page shows. `version` changes when the page needs other data than the widths of stripes."""
 
     draft: Design
     number: int
@@ -117,7 +117,7 @@ class Session:
         return self._set_opened(self.current_preset.open_toml(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Open a variant; the key `changes` has its differences from the preset that is then open."""
+        """Open the preset of a variant; the key `changes` of the result has the variant's changes of this preset."""
         variant = self.variants[number]
         with self._lock:
             is_open = variant.opened is self._opened
@@ -227,7 +227,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty for the number of another draft."""
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if `draft` is another number."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:
@@ -302,11 +302,11 @@ class Session:
 
 
 def _same_model(draft: Design, earlier: Design) -> bool:
-    """Return True if two drafts differ only in widths or in the choice of modes: their pages share all other data."""
+    """Return True if two drafts differ only in widths or in the choice of modes: the page keeps all other data."""
     pattern, earlier_pattern = draft.preset.pattern, earlier.preset.pattern
     if pattern.region != earlier_pattern.region or (pattern.region and pattern.keep != earlier_pattern.keep):
         return False
-    # the statics of a sketch may be rough
+    # rough statics of a sketch differ from those of the design
     if draft.statics is not earlier.statics or draft.diffusion is not earlier.diffusion:
         return False
     return StripedMesh.from_design(draft).is_same_mesh(StripedMesh.from_design(earlier))

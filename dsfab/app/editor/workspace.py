@@ -23,7 +23,7 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """Folders in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
+    """Folders of builds in `home`, one for each name. The page sends names only, so that it cannot write elsewhere.
     label : name of `home` for the user and on a command line; '' for the session's temporary folder."""
 
     def __init__(self, home: Path, shown: str = "") -> None:
@@ -100,7 +100,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for an invalid value or a new path."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and other files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -135,7 +135,7 @@ class OpenedPreset:
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def open_toml(self, text: str) -> "OpenedPreset":
-        """Open a preset file from the page. Raises PresetError as `load_preset` does, and without its mesh."""
+        """Open a preset file from the page. Raises PresetError as `load_preset`, and if the mesh is not open."""
         try:
             values = toml_table(text)
         except TomlError as error:
@@ -235,7 +235,7 @@ def _mesh_file(preset: Preset) -> Path | None:
 
 
 MAX_VARIANTS = 48  # Largest number of variants in a session.
-LARGEST = 2 * 2**20  # Largest number of characters of a picture.
+LARGEST = 2 * 2**20  # Largest number of characters of a picture, a data URL.
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")  # Measures of a variant.
 
 

@@ -46,7 +46,7 @@ def preset_of_request(request: HopsRequest) -> Preset:
 def _changes(request: HopsRequest, proposed: Preset) -> Iterator[tuple[str, Any]]:
     values, metre = request.values, request.metre
     if values["supports"]:
-        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # metres; two edges of the mesh
+        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # twice the edge of the mesh, metres
         feet = [[metre * x for x in point] for point in values["supports"]]
         pickers = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
         supports = [{"at": picker, "hold": "xyz", "name": f"foot {k}"} for k, picker in enumerate(pickers, 1)]

@@ -102,7 +102,7 @@ def _pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
+    """Limit BLAS to one thread: on vectors and small fronts, the overhead of threads is up to ten times their gain.
     The number of threads belongs to the whole process, so other Python threads wait."""
     with _BLAS_LOCK, _pools().limit(limits=1, user_api="blas"):
         yield
@@ -141,7 +141,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """Return 1 for each point (k,) above the median of its part along the part's longest axis, else 0; part : (k,)."""
+    """Return 1 for points (k,) above the median of their part (k,) along the part's longest axis, else 0."""
     count = np.bincount(part)
     begin = np.cumsum(count) - count
     used = count > 0
@@ -331,8 +331,8 @@ def _add_update(pivot_rows: Numbers, rest: Numbers, update: Numbers, positions: 
 
 
 def _partial_factorisation(pivot_rows: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m), whose
-    upper triangle counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the matrix."""
+    """Eliminate the pivots of a front; return L (k, k), P (m, k) and the update (m, m), stored in its upper triangle.
+    pivot_rows (k, k + m) and rest (m, m) are the transposed lower triangle of the front."""
     k, is_complex = len(pivot_rows), np.iscomplexobj(pivot_rows)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:

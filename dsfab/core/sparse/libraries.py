@@ -247,7 +247,7 @@ class Multigrid:
         self._K = K
         self._place, size = _positions_in_blocks(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # supported unknowns get 1 on the diagonal to fill blocks
+        spare = np.setdiff1d(np.arange(size), self._place)  # unknowns missing from a block get 1 on the diagonal
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),

@@ -31,7 +31,7 @@ STEERED = ("along", "guided", "over")
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """Return the arrays of a field; a field without corners is one array with the name `key`."""
+    """Return the arrays that store a field, by name; a plain array of values has the name `key`."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -49,7 +49,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_from(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> DividedSurface | None:
-    """Return the division of a surface's faces from the arrays part_V (p, 3), metres, part_F ...; None without them."""
+    """Return the surface with divided faces from the arrays part_V (p, 3), metres, part_F ...; None without them."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])

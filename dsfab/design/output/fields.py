@@ -17,7 +17,7 @@ from dsfab.surface.fields import CornerField
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
     """Return the edges of the sheet by family, then the centre lines of its members, in metres on the middle surface.
-    tolerance : distance (m) of dropped points from the simplified lines; lengths are those of all points.
+    tolerance : largest distance (m) of omitted points from the simplified lines; lengths are those of the full lines.
     A family without stripes, or with stripes that touch everywhere, has no centre lines."""
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -55,8 +55,8 @@ def design_fields(design: Design) -> dict[str, Floats]:
     """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
     Vertices: displacement of every load case, forces, supports, modes, and for each family the phase z (centre lines at
-    its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the isotropic
-    faces, as in the diffusion tensors (gamma times the stress).
+    its integers), the half-width d and the wave of z. Faces: stress in xyz, and from the diffusion tensors its
+    principal values times gamma and the isotropic faces.
 
     Evenly spaced stripes have no phase at vertices. Their fields are the distance from the nearest centre line and the
     density of the drawn lines; d and the wave refer to these lines."""
@@ -103,7 +103,7 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """Return fields with one value at each vertex, from the nearest line of all openings around the vertex."""
+    """Return fields at vertices; if a phase differs between the openings around a vertex, the nearest line counts."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)

@@ -52,7 +52,7 @@ class OpenedSurface(NamedTuple):
         return vectors
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """Return a sheet cut along the seam, with cells in the same order, and half-edges (k, 2) on both sides."""
+        """Return a sheet cut along the seam, cells in the same order, and pairs of half-edges (k, 2) of the seam."""
         oriented = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(oriented)
         F = corner_fans(oriented.F, oriented.edges, apart=seam)
@@ -95,9 +95,9 @@ def opened_surface(surface: Surface, sheet: Sheet) -> OpenedSurface | None:
 
 
 def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
-    """Return faces (m,) to turn over for the shortest seam; None if faces next to the seam disagree about their side.
-    The seam is the shortest path between boundaries that crosses a side-changing loop an odd number of times.
-    counts : (m,) cost of a metre of the seam in each face."""
+    """Return faces (m,) to turn over for the shortest seam; None if the cut does not give one two-sided piece.
+    The seam runs from boundary to boundary, and crosses a loop that changes sides an odd number of times.
+    counts : (m,) cost of a metre of the seam beside each face."""
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
     f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
@@ -113,7 +113,7 @@ def _turned_for_shortest_seam(surface: Surface, counts: Floats) -> Bools | None:
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(lengths, np.full(len(border), 1e-12)),  # the boundary costs nothing
+        np.append(lengths, np.full(len(border), 1e-12)),  # a path along the boundary costs nothing
         n,
         2 * n + 1,
     )
@@ -129,7 +129,7 @@ def _shortest_path(
     count: int, starts: Ints, ends: Ints, turns: Ints, lengths: Floats, source: int, target: int
 ) -> Ints:
     """Return the edges of the shortest path between two nodes, in order; (0,) without a path.
-    The second half of the `count` nodes is on the second side; edges with `turns` of 1 lead to the second."""
+    Each place has two nodes, one for each side, `count` in all. Edges with `turns` of 1 change the side."""
     half = count // 2
     tails = np.concatenate([starts, starts + half])
     heads = np.concatenate([ends + half * turns, ends + half * (1 - turns)])
@@ -145,7 +145,7 @@ def _shortest_path(
 
 
 def _turned_for_smooth_seam(surface: Surface, rounds: int = 1000) -> Bools:
-    """Return faces (m,) to turn over so that at most half of a face's outline is on the seam, which has no teeth."""
+    """Return faces (m,) to turn over for a smooth seam: at most half of each face's outline is on the seam."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     lengths = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
@@ -179,8 +179,8 @@ def _seam(surface: Surface) -> Bools:
 def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
     """Write one file in the format of the suffix of `path`, and read it back as a check; return the path.
     A design gives the same bytes as `dsfab build` and `dsfab export`: the solid with its edges and facts, the lines of
-    the sheet, or the fields of the uncut surface, as far as the format allows. A solid, a sheet or a surface is
-    written alone. `options` are those of `dsfab.export.write`, and replace those of the preset.
+    the sheet, or the fields of the uncut surface, as far as the format allows. For a solid, a sheet or a surface the
+    file has only its mesh. `options` are those of `dsfab.export.write`, and replace those of the preset.
     Raises ExportError as `dsfab.export.write`."""
     if not isinstance(item, Design):
         return written(item.surface if isinstance(item, Sheet) else item, path, **options)
@@ -192,7 +192,7 @@ def write(item: Design | Sheet | Solid | Surface, path: str | Path, **options: A
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """Return the shape for build123d, millimetres: for a design that of `design.write("x.step")`, smooth if possible.
+    """Return the shape for build123d, millimetres; a design gives the shape of `design.write("x.step")`.
     Raises ExportError as `write`."""
     import build123d
 
