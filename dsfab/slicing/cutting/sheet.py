@@ -146,7 +146,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # the caller knows no lines
+        if len(self.sides_on) != self.surface.m:  # without lines, all sides get line 0
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -271,7 +271,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) the line of each half-edge, or of the other half-edge of the same edge."""
+        """(m', 3) the line of each half-edge; if it has none, the line of its twin."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 

@@ -178,7 +178,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # else the member ends here
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -268,18 +268,18 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # bridges fail at mouths and at the narrowest places
+        if not len(places) or idle == 2:  # both orders of gaps gave no bridge
             break
     return cells, total
 
 
 def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    """Add strips on both sides of members at points (k, 2, 3), except at edges of the surface; and their number."""
+    """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # larger, because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # these ends lie on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # true for ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)
