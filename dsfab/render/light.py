@@ -230,7 +230,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; `spare` last columns stay empty.
+    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; `spare` last columns are empty.
     Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time.
     """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))

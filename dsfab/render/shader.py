@@ -204,7 +204,7 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet to an eye (3,), or hide them from None. half : half its thickness; in scene units.
+        """Show the walls of a sheet to an eye (3,); None hides them. half : half its thickness. Lengths: scene units.
         Walls are approximate: each triangle has the walls of a plane slab, and the rim of the surface has no wall.
         """
         walls = eye is not None and half > 0

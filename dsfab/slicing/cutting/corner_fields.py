@@ -164,7 +164,7 @@ def corner_band(
     edges : (l, 2) the lines of the mesh that are the edges of each stripe.
 
     If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
-    next face. The levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices.
+    next face. Levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices.
     """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():

@@ -278,9 +278,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2) at a sheet's vertices, of a field that is linear over parts of the faces of
-    `uncut`.
-    """
+    """Return values (n',) or (n', 2) at a sheet's vertices of a field that is linear over parts of the uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

@@ -322,7 +322,7 @@ def _with_pieces(
 ) -> Split:
     """Replace the polygons `which` (k,) by their pieces, in order.
 
-    sides_on, strip : (h,) lines and (c,) strips of the polygons before this.
+    sides_on, strip : (h,) lines and (c,) strips of the polygons before.
     """
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)

@@ -51,7 +51,9 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls (p,) nearest to points (p, 2), as indices into `wall`, and places on them as shares (p,)."""
+        """Return the walls (p,) nearest to points (p, 2), as indices into `wall`.
+        Return also the nearest places on these walls, as shares (p,) of their lengths.
+        """
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)

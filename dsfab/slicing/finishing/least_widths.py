@@ -34,7 +34,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings, under `least` metres and narrow by `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, narrower than `least` metres and by `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -218,7 +218,7 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """Remove openings under `gap` and members under `member`, metres, as far as added material can; 0 for no limit.
+    """Add material where openings are narrower than `gap`, or members than `member`, metres; 0 for no limit.
 
     Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
 
