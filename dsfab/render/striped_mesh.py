@@ -32,7 +32,7 @@ REGION_REACH = -1e6
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
     """Mesh of the stripes: the uncut surface (n vertices, m faces), or the chart of evenly spaced stripes (n', m').
-    Places, loads and supports always have the numbers of the uncut surface.
+    Places, loads and supports always use vertex numbers of the uncut surface.
     """
 
     uncut: Surface

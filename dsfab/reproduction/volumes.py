@@ -31,7 +31,7 @@ ROW = {
 }
 """The sphere's row of Table 1: no kept regions, plain widths, phase 0; signs label the families, unlike in the
 paper."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # This row to the letter of the paper.
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` exactly as the paper states it.
 SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
 RIVALS = {

@@ -139,7 +139,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void polygons by a plain field or a pair, x at their vertices; return also a mask of the material.
+    """Split the void polygons by values x of one field or of a pair at their vertices; return also the material's mask.
 
     edges : (l, 1 or 2) the lines of the mesh on the levels of each field.
     """

@@ -57,7 +57,7 @@ class PolygonMesh:
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return the triangles of a sheet, which these polygons must be, with the lines that their sides lie on."""
+        """Return these polygons, which must be the triangles of a sheet, with the lines of the sheet's sides."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod

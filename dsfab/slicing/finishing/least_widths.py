@@ -22,7 +22,7 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings under `least` metres, narrowest first, and `apart` metres apart.
+    """(k, 2, 3) points on both walls of openings narrower than `least` m, narrowest first, and `apart` m apart.
 
     tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip.
     """
@@ -115,7 +115,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings under `least` metres in the `rounded` sheet, `width` metres broad; return also the number.
+    """Bridge openings narrower than `least` m in a rounded sheet, by strips of `width` m; return also the number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
     Therefore this function measures as `features` does."""
@@ -127,7 +127,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad; return also the number of bridges.
+    """Build bridges of `width` metres between pairs of points (k, 2, 3) near two walls; return also their number.
 
     One call builds as many bridges as possible.    snap : see `with_strips`.
     """
