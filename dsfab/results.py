@@ -86,9 +86,9 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : phases with every possible line.
-    wanted  : for each level of halving, the finest first, (m,) share of each face in which its lines are used.
-    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) used lines per metre.
+    phases  : phases that count every possible line.
+    wanted  : for each level of halving, from the finest, share (m,) of each face on which lines of the level are used.
+    slope   : (n, 2) possible lines per metre.    density : (n, 2) used lines per metre.
     first   : the family whose finer lines are drawn before those of the second family.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : mirrors and turns of the stripes; None without any.
@@ -111,7 +111,7 @@ class Candidate(NamedTuple):
     """Modes and phases of the major and of the minor stripes, as a trial for values that are `auto`.
 
     compliance : joules on its own cut mesh; infinite for a refused trial.
-    over_uncut : compliance over that of the uncut sheet.
+    over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     whole      : share of the material in the largest piece with a support.
     pieces     : number of pieces of material.
@@ -163,7 +163,7 @@ class Attempt(NamedTuple):
 
     name       : names of the method and the rule, in plain words.
     compliance : joules on its own cut mesh; infinite for a refused trial.
-    over_uncut : compliance over that of the uncut sheet.
+    over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     dead_ends, slits : numbers of members that end freely, and of narrow openings; see `PatternQuality`.
     refused    : reason to refuse the trial, or ''."""
@@ -178,8 +178,7 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, float]:
-        """Key for sorting, the best first: attempts that carry the loads, have no dead ends, have no slits, are
-        stiffest.
+        """Sort key, the best attempt first: by carried loads, no dead ends, no slits, then stiffness.
         Stiffness counts per share of material, with three digits: rounding must not decide between mirror images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.slits > 0, soft
@@ -189,10 +188,10 @@ class Attempt(NamedTuple):
 class PatternResult:
     """Stage 4: by name, linear fields and the level values at which each is cut (see `dsfab.slicing.cutting.cut`).
 
-    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. An odd number of levels lies
-                  below material. Evenly spaced stripes have fields at corners of faces. A family may have several
-                  fields: its coarse lines first, then the lines between these. Kept regions have fields on divided
-                  faces, two for `keep`: one for patches, one for points and curves.
+    fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A place is material if an odd
+                  number of levels lies below its value. Evenly spaced stripes have fields at corners of faces. A
+                  family may have several fields: its coarse lines first, then the lines between these. Kept regions
+                  have fields on divided faces, two for `keep`: one for patches, one for points and curves.
     half_widths : (n,) for each field. For the families, material is |z - k| < d with integer k; for other fields d is
                   infinite. On modes, z is frequency x + phase; on even stripes, z is the phase of the used lines.
     factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.

@@ -19,8 +19,7 @@ MarkName = Literal["load", "support", "reaction", "person", "tension", "compress
 @dataclass(frozen=True)
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
-    families : colours of members by family (major, minor, kept).    tints : colours of families in the picture
-               `families`.
+    families : colours of families (major, minor, kept).    tints : their stronger colours in the preview `families`.
     ink : darkness of edge lines, 0..1.
     """
 
@@ -50,7 +49,7 @@ PAPER = Palette()  # terracotta on white paper; colour-blind people can tell blu
 
 @dataclass(frozen=True)
 class Legend:
-    """Caption, names of marks, pixels per metre for the scale bar, and swatches: names with further colours."""
+    """Caption, names of marks, pixels per metre for the scale bar, and swatches: further names with their colours."""
 
     caption: str
     names: list[MarkName]
@@ -70,7 +69,7 @@ def length_label(length: float) -> str:
 
 
 def with_legend(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """Return the picture with caption, marks and scale bar. larger : size of letters over the default size."""
+    """Return the picture with caption, marks and scale bar. larger : factor on the default size of letters."""
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -158,14 +157,14 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
 
 
 GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied places
-NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # distances from a member at which its name is tried, in letter heights
+NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # tried distances of a name from its member, in letter heights
 NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 """Directions from a member in which its name is tried (radians)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name in a colour. places : (k, 2) possible places, best first (pixels). visible : (k,) mask of the places."""
+    """Coloured name of a member. places : (k, 2) pixels, best first. visible : (k,) mask of uncovered places."""
 
     text: str
     colour: Colour
@@ -175,7 +174,7 @@ class Nameplate:
 
 @dataclass(frozen=True, eq=False)
 class PlacedName:
-    """Name with the middle (2,) of its letters and the place (2,) on its member that it belongs to (pixels)."""
+    """Name in a picture, in pixels: the middle (2,) of its letters, and the point `anchor` (2,) on its member."""
 
     plate: Nameplate
     middle: Floats
@@ -183,7 +182,7 @@ class PlacedName:
 
 
 def place_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Place names of a letter height (pixels): on their members if possible, else beside them, with a line."""
+    """Return a place for each name: on its member if possible, else beside it. letter : height of letters (pixels)."""
     taken = np.zeros((size[1] // GRID_PIXELS + 2, size[0] // GRID_PIXELS + 2), dtype=bool)
     names = []
     for plate in sorted(plates, key=lambda one: (int(one.visible.sum()), len(one.places))):
@@ -223,7 +222,7 @@ def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
 
 
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """Return the picture with names in letters of a height (pixels), outlined in the colour of the paper."""
+    """Return the picture with names. letter : height of letters (pixels). paper : colour of the names' outlines."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

@@ -31,7 +31,7 @@ def frame_towards(towards: Floats) -> Floats:
 class ShadowMaps:
     """Shadow maps of b lamps. One matrix product serves all of them, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
-    placing : (3 b, 6) matrix from (point, grain, 1) to map columns, map rows and depths of the point.
+    placing : (3 b, 6) matrix from a point, its random offset (see `GRAIN`) and 1 to map columns, map rows and depths.
     towards : (b, 3) unit vectors times the strengths of the lamps.
     """
 
@@ -56,7 +56,7 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light_on(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """Return the light (k,) on points (3, k) in radii with normals (3, k); grain : (2, k or more) in map pixels."""
+        """Return the light (k,) on points and normals (3, k) in scene units; grain : (2, k or more) see `GRAIN`."""
         count, side = self.maps.shape[:2]
         queries = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(SURFACE_LIFT / side) * normals, out=queries[:3])
@@ -90,10 +90,10 @@ TILE = 1 << 10  # number of points lit together by twenty lamps; their arrays fi
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Number of lamps in the sun, in the sky and below, and side of their maps (pixels).
-    sharp : side of the sun's maps, whose shadows are sharper.    coarse : side of all other maps.
-    blur  : blur of the floor's shadows over the picture's height: first by the sun, second by all other lamps.
-    finer : side of the drawing over the side of the picture, for smooth edges.
+    """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
+    sharp : side of the sun's maps (pixels), whose shadows are sharper.    coarse : side of all other maps.
+    blur  : blur of shadows on the floor, divided by the picture's height: for the sun, and for all other lamps.
+    finer : factor by which a picture is drawn larger and then reduced, for smooth edges.
     """
 
     sun: int = 10
@@ -167,9 +167,9 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
-    """Return the light (2, k) of the sun and of all other lamps on points (3, k) in radii with normals (3, k).
-    paired : number of first points that form neighbouring pairs, within a pixel of the final picture. Half of the sky
-             lamps light the first point of a pair, and the other half light the second, with double strength.
+    """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
+    paired : the first `paired` points form pairs, each within a pixel of the final picture. Half of the sky lamps
+             light the first point of a pair, and the other half light the second, with double strength.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
@@ -211,9 +211,8 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """Return the light (k,) on the k drawn pixels, and the floor's light over its unshaded light (h, w) in coarse
-    pixels.
-    The floor is the plane at `level` along `floor`, in scene units; None without a level.
+    """Return the light (k,) on the k drawn pixels, and on the floor (h, w), divided by the floor's unshaded light.
+    The floor is the plane at `level` along its normal `floor`, in scene units; without a level there is none.
     """
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
@@ -231,7 +230,7 @@ def pixel_and_floor_light(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points (3, k + spare) of the k drawn pixels in scene units, and normals towards the eye.
+    """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; `spare` last columns are empty.
     Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time.
     """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
@@ -283,14 +282,14 @@ def _floor_points(
     fall = ray @ floor
     distance = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(distance), distance, 0.0)[:, :, None] * ray
-    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # in radii; farther points are lit
+    is_near = np.isfinite(distance) & (np.linalg.norm(points, axis=2) < 4.0)  # scene units; farther points are lit
     return points[is_near].T.astype(np.float32), is_near
 
 
 def _floor_share(
     light: Floats32, floor_pixels: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """Return the share (h, w) of light on the floor. Blurred shadows of few lamps look like shadows of many."""
+    """Return the light (h, w) on the floor, divided by its unshaded light. Blur hides that the lamps are few."""
     from scipy.ndimage import gaussian_filter  # this import is slow
 
     total = sum(open_light)

@@ -20,7 +20,7 @@ MarkMesh = tuple[Floats, Ints]  # vertices (n, 3) in metres, and faces (m, 3)
 
 @dataclass(frozen=True)
 class Spacing:
-    """Limits on marks: their least distance `apart`, over the structure's size, and their largest number `most`."""
+    """Limits on marks: least distance `apart`, as a share of the structure's size, and largest number `most`."""
 
     apart: float
     most: int
@@ -31,7 +31,7 @@ POINT_LOAD_SPACING = Spacing(0.07, 16)
 SUPPORT_SPACING = Spacing(0.05, 40)
 GRADIENT_SPACING = Spacing(0.055, 160)
 
-CONE_HEIGHT = 0.026  # height of a support cone over the structure's size
+CONE_HEIGHT = 0.026  # height of a support cone, as a share of the structure's size
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 """Length of the longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
@@ -58,7 +58,7 @@ def thin_points(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class ForceArrows:
-    """Arrows at vertices with numbers `at` (k,): forces `pull` (k, 3) in newtons, and lengths `long` (k,) in metres."""
+    """Arrows at the vertices `at` (k,): forces `pull` (k, 3) in newtons, and lengths `long` (k,) in metres."""
 
     at: Ints
     pull: Floats
@@ -111,7 +111,7 @@ def _gathered_forces(
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> MarkMesh:
-    """Return a few small cones that touch the supported vertices, on the side of the supports; up : (3,)."""
+    """Return a few small cones that touch the supports from outside; see `support_side`. up : (3,) unit vector."""
     vertices = np.flatnonzero(load.supported)
     if not len(vertices):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -236,7 +236,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
     places = thin_points(surface.centroids, surface.size, CROSS_SPACING)
     apart = float(np.sqrt(1.3 * surface.area / len(places)))  # distance between neighbouring crosses
     places = places[~tensors.isotropic[places]]
-    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # belongs to the eigenvalue r; the rest are 1 and 0
+    along = np.linalg.eigh(tensors.major[places])[1][:, :, 2]  # eigenvectors of r; the other eigenvalues are 0 and 1
     normal = surface.normals[places]
     directions = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[places], (2, 1)), directions, np.tile(normal, (2, 1)), apart)

@@ -23,9 +23,8 @@ if TYPE_CHECKING:
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Return a report on all members, ready for JSON. `members` have a name, a length and a width (m), the largest
-    curvature
-    (1/m) and `places` [x, y, z, ...] (m) from the middle of the structure's box. `reach` is their extent around these
-    places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
+    curvature (1/m), and points `places` [x, y, z, ...]. Points are in metres from the middle of the structure's box.
+    `reach` is half the member's width. `nearest` is the number of the nearest member at each vertex of the page's mesh.
     judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
              missing, nothing carries the loads, or the pattern leaves no material.
     """
@@ -66,7 +65,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, places: list[tuple[Floats, float]]) -> list[int]:
-    """Return the number (n,) of the member nearest to each vertex, by distances relative to the member's extent."""
+    """Return the number (n,) of the member nearest to each vertex. Distances are divided by the member's `reach`."""
     least, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(places):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -121,7 +120,7 @@ class _MembersDrawing:
     def picture(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """Return the picture with face colours (m, 3), names in darker shades of their colours, and a caption."""
+        """Return the picture with face colours (m, 3), names in darker shades of their members, and a caption."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette

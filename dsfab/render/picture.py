@@ -44,7 +44,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 class Look:
     """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it from the
     structure.
-    letters : letter size over the default size.
+    letters : factor on the default size of letters.
     """
 
     size: tuple[int, int] = (1600, 1200)
@@ -66,7 +66,7 @@ def picture(
     caption: str = "",
     look: Look = DEFAULT_LOOK,
 ) -> Bytes:
-    """Return a picture of a solid or a sheet, whole on the page, from a side that suits its shape.
+    """Return a picture of a whole solid or sheet, from a side that suits its shape.
     V, F    : (n, 3) metres and (m, 3), outward oriented.
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
     family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
@@ -106,7 +106,7 @@ def render_picture(
 @dataclass(frozen=True, eq=False)
 class StructurePicture:
     """Data of a picture of a finished structure from a chosen side, which a second process can draw.
-    V, F    : (n, 3) metres and (m, 3), outward oriented.    half : half its thickness (m).
+    V, F    : (n, 3) metres and (m, 3), outward oriented.    half : half the structure's thickness (m).
     side, up: view side, and (3,) unit vector up.
     annotations : marks beside the structure.    caption : line below the picture.
     look    : size and colours; its `up` is not used.    clear : transparent ground in place of paper.

@@ -2,7 +2,7 @@
 
     python -P picture_program.py
 
-The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The first holds the
+The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The pickle holds the
 arguments of `dsfab.render.picture.picture` as a dictionary. The program prints the name of the PNG file.
 """
 

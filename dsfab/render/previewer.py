@@ -144,12 +144,10 @@ class Previewer:
         return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == old.diffusion)
 
     def display(self, preset: Preset) -> None:
-        """Draw a preset of the same surface from now on. Frequencies, phases and thresholds of plain stripes, and
-        reaches around
-        supports, are a few numbers for the shader. Other keys of [pattern] send values per vertex to the graphics side.
-        New values of r and gamma need new modes. Raises DsfabError for a different [surface] or an invalid preset; the
-        old
-        preset then stays.
+        """Draw a preset of the same surface from now on. Changed frequencies, phases and thresholds of plain stripes
+        are fast, and so are reaches around supports: the shader gets a few numbers. Other keys of [pattern] change
+        values at all vertices. New values of r and gamma need new modes. Raises DsfabError for a different [surface]
+        or an invalid preset; then the old preset stays.
         """
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(

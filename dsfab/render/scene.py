@@ -149,7 +149,7 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
 
 
 def mesh_with_normals(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return the results of `split_mesh` for normals (m, 3, 3) at corners of faces, split at different normals."""
+    """Split a mesh as `split_mesh` does, at points where the normals (m, 3, 3) of the faces' corners differ."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first_corner, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -244,9 +244,8 @@ class Pixels:
 
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
-    The origin of the scene is `centre`. The unit of length is `radius`, of a ball around all shadow-casting bodies, so
-    that
-    millimetres and kilometres look alike. Create, use and close a scene in one thread.
+    The origin of the scene is `centre`. Its unit of length is `radius`, of a ball around all bodies with a shadow, so
+    that millimetres and kilometres look alike. Create, use and close a scene in one thread.
     """
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
@@ -256,7 +255,7 @@ class Scene:
             self.actors = [self._add(body) for body in bodies]
             self.bodies = list(bodies)
             self.empty = True
-            self.casting = False  # whether a lamp saw a body in the last lighting
+            self.casting = False  # whether a lamp saw a body in the latest picture
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.close()
@@ -299,7 +298,7 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Show the walls of cut sheets inside the context. Lamps and masks see sheets without a thickness."""
+        """Show the walls of cut sheets in a `with` block. Lamps and masks see sheets without a thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -330,7 +329,7 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Hide bodies that cast no shadow inside the context, in which `lamp` may be called."""
+        """Hide bodies without a shadow in a `with` block; only there `lamp` may be called."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)

@@ -17,7 +17,7 @@ INFINITE_DISTANCE = 1e30
 """Distance to a load or support that does not exist. The number is finite, because infinity times 0 is not a number."""
 NO_REACH = -INFINITE_DISTANCE
 """Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
-BY_VERTEX = -1.0  # value of the half-width at which the shader reads half-widths at the vertices
+BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
@@ -27,7 +27,7 @@ FIELDS = ("modes", "widths", "kept")
 TIE = 2e-6
 """Margin (periods) for rounding errors, with which half-widths of 0 are exactly empty and of 1/2 exactly full."""
 
-# |t - nearest integer + 1/2| is (wave(t) + 1) / 4; points at which this value exceeds 1/2 - d are material. The vertex
+# (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; material is where it exceeds 1/2 - d. The vertex
 # shader computes the linear part, because in software rendering each uniform takes time at each pixel
 _STRIPES = f"""
   vec2 dsWide = HALF;
@@ -54,7 +54,7 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# the ray passes through a slab with linear fields and ends in a face or a wall. Walls have a separate program, because
+# a ray of sight enters a slab with linear fields and ends at a face or a wall. Walls have a separate program, because
 # software rendering runs both branches of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
@@ -107,7 +107,7 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 @dataclass(frozen=True)
 class ShaderProgram:
     """Optional parts of the shader's program; in software rendering, every number per triangle takes time.
-    vary : names of `FIELDS` that the program reads at the vertices, always with modes.
+    vary : the names of `FIELDS` that differ between vertices; the modes always do.
     walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
     """
 
@@ -170,7 +170,7 @@ class StripeShader:
         self.set(ALL_MATERIAL)
         self.show_walls(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # limits walls along the view to four half thicknesses
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # a wall appears at most four half thicknesses long
             uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
@@ -204,9 +204,8 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet with half its thickness from `eye` (3,), both in scene units; without an eye, hide
-        walls.
-        Walls are approximate: each triangle has those of a plane slab, and the rim of the surface has no wall.
+        """Show the walls of a sheet to an eye (3,); None hides them. half : half its thickness. Lengths: scene units.
+        Walls are approximate: each triangle has the walls of a plane slab, and the rim of the surface has no wall.
         """
         walls = eye is not None and half > 0
         self._change_program(walls=walls)

@@ -21,7 +21,7 @@ from dsfab.render.shader import BY_VERTEX, INFINITE_DISTANCE, NO_REACH, StripeSe
 from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
-EXACT_REACH_SHARE = 1 / 8  # largest reach, over the size of the surface, up to which distances are exact in all presets
+EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size are exact in all presets
 
 REGION_FACTOR = 1e33
 """Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
@@ -32,7 +32,7 @@ REGION_REACH = -1e6
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
     """Mesh of the stripes: the uncut surface (n vertices, m faces), or the chart of evenly spaced stripes (n', m').
-    Places, loads and supports always have the numbers of the uncut surface.
+    Places, loads and supports always use vertex numbers of the uncut surface.
     """
 
     uncut: Surface
@@ -93,7 +93,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """Half-widths (n', 2) on one side of a vertex, over their mean `PatternResult.half_widths`; 0 for no phase."""
+        """Half-widths (n', 2) at a vertex, divided by their mean `PatternResult.half_widths`; 0 without a phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -111,9 +111,8 @@ class StripedMesh:
 
 @derived
 def distances(design: Design) -> tuple[Floats, Floats]:
-    """Return distances (n,) to loads and supports, and to the boundary (m), up to the largest reach of a slider or of
-    the preset. With drawn regions, the first is the distance to these regions and to kept material, times
-    `REGION_FACTOR`.
+    """Return distances (n,) to loads and supports, and to the boundary (m); they are exact up to the largest reach.
+    If the preset draws regions, the first is the distance to these regions and to kept material, times `REGION_FACTOR`.
     """
     surface, load, pattern = design.surface, design.load, design.preset.pattern
     reach = max(EXACT_REACH_SHARE * surface.size, pattern.keep, pattern.rim)

@@ -35,8 +35,8 @@ class View:
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
-    Up is y if the whole load presses along -y and the supports are low in y, as for figures. Up is also y if the load
-    lies in the plane of a plate and z is normal to the plate.
+    Up is y if the whole load presses along -y and the supports are low in y, as in computer graphics. Up is also y
+    if the load lies in the plane of a plate and z is normal to the plate.
     """
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
@@ -121,7 +121,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view from a little beside and above a plate's normal, on the side of positive axes (for xz, from -y)."""
+    """Return a view nearly along a plate's normal, from the positive side of its axis (for a plate in xz, from -y)."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -145,7 +145,7 @@ def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
-    """Return the view of a side in which points (n, 3) fill a box (left, right, bottom, top) in units of the page."""
+    """Return the view from a side in which points (n, 3) fill a box (left, right, bottom, top) of page coordinates."""
     towards = side.towards
     right = np.cross(side.up, towards)
     right /= np.linalg.norm(right)

@@ -114,7 +114,7 @@ class Banner:
 @dataclass(frozen=True)
 class Table:
     """Rows under a head; `pass` and `fail` are coloured. left_columns : number of columns that are flush left.
-    widths : shares of the page's width; empty for even shares.    note : text below the table.
+    widths : of columns, as shares of the page's; empty if equal.    note : text below the table.
     strong : numbers of emphasised rows."""
 
     caption: str

@@ -277,7 +277,7 @@ def _block(block: Block, styles: PdfStyles) -> list[Any]:
 def _code(text: str, styles: PdfStyles) -> Any:
     from reportlab.platypus import XPreformatted
 
-    size = 112  # so many characters fit into a line
+    size = 112  # number of characters in a line
     lines = [line[i : i + size] for line in text.splitlines() for i in range(0, max(len(line), 1), size)]
     return XPreformatted(escaped_text("\n".join(lines)), styles.by_kind["code"])
 

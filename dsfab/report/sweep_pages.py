@@ -84,7 +84,7 @@ class SheetDrawer:
             stage = replace(stage, view=page_view([uncut_body], side, self.size, words=False))
             if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
-            # the stage belongs to this id, and no new surface gets the id while the old surface is stored
+            # the id of a surface identifies its stage: no new surface gets the id while the old surface is stored
             _stages.of, _stages.surface, _stages.stage = (id(design.surface), self), surface, stage
         cached: Stage = _stages.stage
         return cached

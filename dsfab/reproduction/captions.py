@@ -1,4 +1,4 @@
-"""Checks of claims in the paper's captions: rings, spokes and links of both families, counted on their phases."""
+"""Checks of claims in the paper's captions: numbers of rings, spokes and links, from the phases of both families."""
 
 from dataclasses import dataclass
 
@@ -97,7 +97,7 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _disc_around(surface: Surface, z: Floats, level: int, load: Bools, supported: Bools) -> Bools | None:
-    """Return the vertices (n,) inside the line z = level around the load; None if they are no disc without supports."""
+    """Return the vertices (n,) inside the line z = level around the load; None if no disc or if supported."""
     a, b = surface.edges.ends.T
     above = z >= level
     same_side = above[a] == above[b]
@@ -116,7 +116,7 @@ def _is_disc(surface: Surface, region: Bools) -> bool:
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """Return how many middle lines of the second family (z a whole number) cross the edge of a region, ring = 0."""
+    """Return how many middle lines of the second family (whole numbers z) cross the line ring = 0 around a region."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     crossing_values = np.empty((len(faces), 3))

@@ -141,8 +141,7 @@ def editing_comparison(design: Design, folder: Path) -> PaperComparison:
 
 
 def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
-    """Return how many changes are drawn in a second, by the median time after two first frames, which prepare
-    buffers."""
+    """Return how many changes are drawn in a second, from the median time; the first two frames do not count."""
     taken = list[float]()
     for number in range(frames):
         begin = time.perf_counter()

@@ -47,7 +47,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """A comparison of the paper: rows of pictures, side by side."""
+    """A comparison that the paper makes: rows of pictures."""
 
     title: str
     words: str

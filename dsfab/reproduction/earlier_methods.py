@@ -18,7 +18,7 @@ from dsfab.surface import Surface, hat_gradients
 
 
 class DrawnFamily(NamedTuple):
-    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and their frequency."""
+    """Stripes on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and stripe frequency."""
 
     D: Floats
     number: int
@@ -93,12 +93,12 @@ def consistent_directions(surface: Surface, direction: Floats) -> Floats:
 
 
 def typical_slope(surface: Surface, value: Floats) -> float:
-    """Return the median length of the gradient of values (n,) over the area, per metre."""
+    """Return the median length of the gradient of values (n,), weighted by area, per metre."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
     return quantile(slope, surface.areas, 0.5)
 
 
-NEAR = 0.5  # A line ends this close to another line; 1 is the wanted distance between lines.
+NEAR = 0.5  # A line ends at this distance from another line, divided by the wanted distance between lines.
 End = Literal["boundary", "inside", "round"]
 
 

@@ -96,7 +96,7 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
     """Return a design up to its pattern, with edges `coarser` times as long, and the factor.
-    The factor falls by fifths until shape and loads have their vertices. Raises DsfabError if factor 1 fails, too."""
+    The factor falls until the mesh has vertices for shape and loads. Raises DsfabError if factor 1 fails, too."""
     edge = preset.surface.model_dump()["edge"]
     while True:
         try:

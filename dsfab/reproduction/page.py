@@ -27,7 +27,7 @@ OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sh
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """Return the section about compliance over mass of the sphere; '' without rows."""
+    """Return the section about compliance against mass of the sphere; '' without rows."""
     if not rows:
         return ""
     row_by_key = {(row["name"], row["volume"]): row for row in rows}
@@ -52,7 +52,7 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness_ratio(own_row: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """Return how stiff one row is over another, with lower and upper bound; None if either does not carry its loads."""
+    """Return one row's stiffness divided by another's, with lower and upper bound; None if either carries no loads."""
     if not own_row or not rival or not own_row["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own_row["compliance_J"]

@@ -48,10 +48,9 @@ class Rendition:
     share        : share of the surface that is kept, with loose pieces.     pieces : number of pieces.
     loose        : number of pieces without a support.
     carried      : share of the loads on pieces with a support; nan without loads.
-    over_uncut   : compliance over that of the uncut sheet, each by one solve (up to 15 % off for cut sheets); infinite
-                   if
-                   the design does not carry its loads.
-    over_thinner : compliance over that of a thinner sheet of the same mass.
+    over_uncut   : compliance divided by that of the uncut sheet, each by one solve (up to 15 % off for cut sheets);
+                   infinite if the design does not carry its loads.
+    over_thinner : compliance divided by that of a thinner sheet of the same mass.
     deviation    : degrees between members and principal directions, of the worse family.
     evenness     : ratio P95 / P5 of the spacing, of the worse family.
     crossing     : smallest angle between crossing members, degrees.
@@ -159,7 +158,7 @@ def _carried_share(design: Design) -> float:
 
 
 def _compliances(design: Design, share: float, uncut_compliance: dict[str, float]) -> tuple[float, float, str]:
-    """Return the compliance over an uncut sheet's and over a thinner sheet's, and the reason of a failure.
+    """Return the compliance divided by an uncut sheet's, and by a thinner sheet's, and the reason of a failure.
     The values are nan without loads, and infinite if the design does not carry its loads."""
     statics, weights = design.preset.statics, design.preset.followed_weights
     uncut_loads = design.statics.loads(weights)

@@ -29,10 +29,10 @@ class StripedField(NamedTuple):
 
 
 class UpsampledCut(NamedTuple):
-    """A cut by upsampling after so many `rounds` of division; 0 rounds leave the mesh unchanged.
+    """A cut by upsampling, after `rounds` in which crowded triangles were divided; 0 rounds leave the mesh unchanged.
     triangles : number of triangles in the cut sheet, material and void.
     crowded   : number of triangles of the divided mesh with more than one line.
-    wrong     : share of the surface that is material in only one of this cut and the exact cut."""
+    wrong     : share of the surface on which this cut and the exact cut differ."""
 
     rounds: int
     triangles: int
@@ -98,7 +98,7 @@ def _divide(surface: Surface, families: Sequence[StripedField], crowded: Bools) 
 
 
 def _wrong_share(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
-    """Return the share of area where interpolated stripe values (n,) and the mode disagree, by samples of each face."""
+    """Return the share of area on which interpolated values (n,) and exact values differ, from samples on each face."""
     i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
     inside = i + j < side
     u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side

@@ -1,4 +1,4 @@
-"""Test of the paper's claim on a sphere: compliance over mass of diffusion structures and their competitors."""
+"""Test of the paper's claim on a sphere: compliance against mass of diffusion structures and their competitors."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -31,8 +31,8 @@ ROW = {
 }
 """The sphere's row of Table 1: no kept regions, plain widths, phase 0; signs label the families, unlike in the
 paper."""
-LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # This row to the letter of the paper.
-SHARES = (0.3, 0.5, 0.7)  # Shares of the surface; each takes a few minutes.
+LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}  # `ROW` exactly as the paper states it.
+SHARES = (0.3, 0.5, 0.7)  # Shares of material; each takes a few minutes.
 
 RIVALS = {
     "letter": "Table 1's row to the letter, labelled by magnitude",
@@ -85,7 +85,7 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """Return the row of `compare_at` for each rival, at this share of the surface.
+    """Return the row of `compare_at` for each rival, at this share of material.
     design : compliance of the reference design, J; None if it does not carry its loads."""
     from dsfab.study import compare_at
 

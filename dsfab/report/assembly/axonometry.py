@@ -10,7 +10,7 @@ from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
-DRAWN_PIECES = 90  # Pieces of a member that is as long as the whole structure.
+DRAWN_PIECES = 90  # Number of drawn pieces of a member that is as long as the whole structure.
 PLATE_COLOUR = (150, 146, 140)  # Colour of the plates of nodes.
 LEAST_ELEVATION, AZIMUTH = 28.0, -58.0  # Direction of the usual view, degrees.
 
@@ -54,7 +54,7 @@ class MemberFaces:
 
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
-    """Return the faces of all members except fills, each member in its colour and in its uppermost layer."""
+    """Return the faces of all members except fills; each member has its colour and lies in its uppermost layer."""
     piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:

@@ -111,11 +111,11 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
     )
 
 
-SHOWN = 1.7  # On the page of a joint: drawn length of a bar over the length of its overlap with the arm of the plate.
+SHOWN = 1.7  # On the page of a joint: drawn length of a bar, divided by its overlap with the arm of the plate.
 
 
 def joint_pages(plan: WorkshopPlan) -> list[PartsPage]:
-    """Return a page that draws the joint of the most bars, and a page that draws a joint on the ground."""
+    """Return a page that draws the joint with the most bars, and a page that draws a joint on the ground."""
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.bar_lattice.joints if joint.node.joined]
     pages = list[PartsPage]()

@@ -59,7 +59,7 @@ def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[
     """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
-    mass = sheet.area * statics.thickness * statics.density  # the solid would take longer
+    mass = sheet.area * statics.thickness * statics.density  # the mass of the solid would take longer
     figures = [
         ("size", " x ".join(length(float(side)) for side in box)),
         ("mass", f"{mass:,.0f} kg" if mass >= 100 else f"{mass:.3g} kg"),

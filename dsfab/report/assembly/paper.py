@@ -87,7 +87,7 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Write a line of text of this size in points; by `side` its left end, middle or right end lies at `place`."""
+        """Write a line of text, size in points, with its left end, middle or right end (`side`) at `place`."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]

@@ -76,7 +76,7 @@ def _ordered_steps(
     z = surface.V @ up
     heights = {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
-    level = 0.02  # share of the height; members of one level are sorted by name
+    level = 0.02  # members within this share of the height are sorted by name
     entries = [
         (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)

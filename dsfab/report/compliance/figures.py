@@ -1,4 +1,4 @@
-"""Figures of a compliance report: charts of compliance over mass, and pictures of loads, stress and displacement."""
+"""Figures of a compliance report: charts of compliance against mass, and pictures of loads, stress and displacement."""
 
 import io
 import math
@@ -62,8 +62,8 @@ NAMES = {
 
 
 def write_chart(rows: Sequence[ResultRow], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
-    rows  : results at several shares of the surface; a competitor without equilibrium leaves a gap in its line.
+    """Write the chart of compliance against mass as `path` with the suffixes .svg and .png.
+    rows  : results for several shares of material; a competitor without equilibrium leaves a gap in its line.
     names : label of each competitor."""
     import matplotlib as mpl
 
@@ -231,7 +231,7 @@ class FindingsPictures:
         return self._figure(caption, width, SIZE, material.V, material.F, task.surface, load, red, family)
 
     def case(self, name: str, caption: str, width: float, side_by_side: bool = False) -> ReportFigure:
-        """Draw the uncut surface with loads and supports of a case; side_by_side : whether it shares a row."""
+        """Draw the uncut surface with loads and supports of a case; side_by_side : whether the picture shares a row."""
         surface = self.findings.task.surface
         load = self.findings.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -294,7 +294,7 @@ class FindingsPictures:
 
 def letter_enlargement(size: tuple[int, int], width: float, points: float = 7.0) -> float:
     """Return the factor by which letters of a preview grow to a height of `points` on paper.
-    size : pixels.    width : width of the picture over the width of the text."""
+    size : pixels.    width : width of the picture, divided by the width of the text."""
     point = size[0] / (TEXT * width)
     return max(1.0, points * point / (size[1] / 46))
 

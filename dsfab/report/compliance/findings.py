@@ -121,7 +121,7 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison at one mass, and comparisons at several shares of the surface if they exist.
+    """A comparison at one mass, and possibly further comparisons for several shares of material.
     A design without equilibrium (`carries` is False) has no `judgement` and no `fields`.
     command : command line that repeats the comparison.
     share   : share of the surface to which the widths of the design are scaled; None without scaling."""
@@ -176,7 +176,7 @@ class Findings:
 
     @cached_property
     def cut_load_sums(self) -> Mapping[str, Floats]:
-        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if the sheet lacks a load."""
+        """Sum (3,) of each case and combination on the cut sheet, newtons; empty if a load meets no material."""
         if not self.carries:
             return {}
         task, structure = self.task, self.structure
@@ -215,7 +215,7 @@ class Findings:
         )
 
     def cases_shown(self, names: Iterable[str]) -> list[str]:
-        """Return the cases and combinations that get a figure; only decisive ones of combinations by a standard."""
+        """Return the cases and combinations that get a figure. Combinations by a standard must be decisive."""
         standard_names = {combination.name for combination in self.task.preset.surface.standard_sums}
         decisive_names = set[str]()
         if self.carries:
@@ -226,7 +226,7 @@ class Findings:
         return f", {escaped_text(self.decisive_case(answer)[0])}" if len(self.judgement.cases) > 1 else ""
 
     def stiffness_ratio(self, rival: Competitor) -> tuple[float, float, float]:
-        """Return the design's stiffness over a competitor's at equal mass: lower bound, estimate, upper bound."""
+        """Return the design's stiffness divided by a competitor's at equal mass: lower bound, estimate, upper bound."""
         assert rival.judgement is not None
         rival_bound, design_bound = rival.judgement.bound or 0.0, self.judgement.bound or 0.0
         middle = rival.compliance / self.design.compliance

@@ -373,7 +373,7 @@ def _rival_row(findings: Findings, competitor: Competitor) -> tuple[str, ...]:
 
 
 def volumes_table(findings: Findings, number: CaptionNumbers) -> Table:
-    """Return compliances over that of the whole sheet, at each share of the surface."""
+    """Return compliances divided by that of the whole sheet, for each share of material."""
     names = [competitor.name for competitor in findings.volumes[0][1].competitors if competitor.name != "full"]
     rows = []
     for share, compared in findings.volumes:

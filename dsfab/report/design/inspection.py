@@ -58,7 +58,7 @@ def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
 
 
 def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
-    """Return the sum (3,) of a load on the cut sheet, newtons; weight and uncovered loads act on the material alone."""
+    """Return the sum (3,) of a load on the cut sheet, newtons; weight and loads on lattices act on material alone."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -153,7 +153,7 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield f"{name} members: {sizes}{ratio}"
 
 
-SHARES = (0.05, 0.5, 0.95)  # `design.json` lists the member widths that these shares of all walls do not exceed.
+SHARES = (0.05, 0.5, 0.95)  # `design.json` lists these quantiles of the member widths along all walls.
 
 MEASURED_KEY = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
 """Measure in `design.json` that belongs to each limit of [fabrication]."""

@@ -58,7 +58,7 @@ def save(
     """
     with atomic_folder(Path(folder)) as build_folder:
         with _picture_meanwhile(design, build_folder / "preview.png", progress) if picture else nullcontext():
-            require_fit(design, measure=False)  # `numbers` measures while OCCT checks
+            require_fit(design, measure=False)  # `numbers` measures later, while OCCT checks files
             measured, spent = dict[str, Any](), 0.0
 
             def numbers() -> None:
@@ -120,7 +120,7 @@ def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Pre
 
 
 def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
-    """Write all formats of the preset, slow formats first, and call `numbers` meanwhile."""
+    """Write all formats of the preset; call `numbers` while OCCT checks the files of slow formats."""
     suffixes = design.preset.export.formats
     files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
 

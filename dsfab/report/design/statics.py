@@ -47,7 +47,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
-    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals by finer meshes.
+    """Return the lowest buckling factors and frequency of the uncut sheet, with error intervals from finer meshes.
     The design keeps the result."""
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
@@ -60,8 +60,7 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """Return the key `mode_intervals` of `design.json`, with relative half-widths as bounds; empty without a
-    request."""
+    """Return the key `mode_intervals` of `design.json`, with relative error bounds; empty without a request."""
     if not design.preset.statics.analyses.modes:
         return {}
     intervals = uncut_modes(design)

@@ -63,12 +63,12 @@ RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> ChartImage:
-    """Draw two rows of diagrams for each member in its case: N, Vy, Vz, and below them Mt, My, Mz.
+    """Draw two rows of diagrams for each pair of member and case: N, Vy, Vz, and below them Mt, My, Mz.
     Grey lines show the least and the greatest value of all cases; strokes at the bottom mark nodes."""
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    across = 3  # forces stand above moments
+    across = 3  # three forces stand above three moments
     lines = len(DIAGRAM_COMPONENTS) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)

@@ -19,8 +19,8 @@ class Cells:
     """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
 
     start : (c + 1,).    corner : (h,) vertices.
-    sides_on : (h,) the line that each side lies on, a row of `CutLines`; 0 for none, and -1 - l for a side that a split
-               has just put on its level l.
+    sides_on : (h,) the line that each side lies on, a row of `CutLines`; 0 for none. Sides that a split has just put on
+               its level l have -1 - l.
 
     A slot is an index into `corner`. It also stands for the side from that corner to the next. `PolygonMesh` and
     `Split` use this array; it has neither positions nor families, so it is no sheet by itself.
@@ -31,7 +31,7 @@ class Cells:
     sides_on: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
-        if len(self.sides_on) != len(self.corner):  # the caller knows no lines
+        if len(self.sides_on) != len(self.corner):  # without lines, all sides get line 0
             object.__setattr__(self, "sides_on", np.zeros(len(self.corner), dtype=np.int64))
 
     @classmethod
@@ -92,7 +92,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Return the polygons with the sides that a split put on its levels on lines (l or 1, c or 1) of `CutLines`."""
+        """Put sides that lie on the levels of a split on lines (l or 1, c or 1) of `CutLines`; return the polygons."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -224,13 +224,13 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Each polygon (g, size) cut by the chord whose smaller side has the largest area, as groups of equal size."""
+    """Return both parts of each polygon (g, size), cut so that the smaller part is largest, in groups of equal size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
     upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
     i, j = np.triu_indices(size, 2)
-    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the chord of this pair would be a side
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the first and the last corner have no chord
     corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
     ear = upto[:, j] - upto[:, i] - corner  # twice the area of i, i + 1, ..., j
     choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
@@ -279,13 +279,12 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Move stripes onto vertices: return a copy of x (n, 2) with the relatively nearer value of a pair on its level
-    (k,).
+    """Move stripes onto vertices: return a copy of x (n, 2) in which one value of a near pair is on a level (k,).
 
-    reach : (n, 2) the largest range of each field over the edges at a vertex.
+    reach : (n, 2) the largest range of each field over the edges at a vertex; distances to levels are relative to it.
 
-    The second value moves by as much, so that a stripe keeps its width, but never across a level. Two fields at a
-    constant distance move like a single field that has the levels of both fields.
+    The second value of a pair moves by as much, so that a stripe keeps its width, but never across a level. Two
+    fields at a constant distance move like a single field that has the levels of both fields.
     """
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
@@ -314,7 +313,7 @@ def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools,
 
 
 def largest_ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
-    """(n,) the largest difference over the sides at each vertex."""
+    """(n,) the largest difference along the sides that end at each vertex."""
     reach = np.zeros(n)
     for end in sides:
         np.maximum.at(reach, end, difference)

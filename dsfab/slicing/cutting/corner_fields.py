@@ -26,7 +26,7 @@ class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
     values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
-    sign, shift, blank : (h,) change of these values in the polygon of each slot; blank slots have no value.
+    sign, shift, blank : (h,) the polygon of a slot sees sign * value + shift there, or no value in a blank slot.
     """
 
     mesh: PolygonMesh
@@ -133,9 +133,7 @@ class PolygonField:
         return PolygonField._from_leads(mesh, self.field, np.concatenate([self.values, new_values]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) masks of the sides of the first and the second polygon on edges across which the field changes its
-        sign.
-        """
+        """(h,) masks of the sides of the first and of the second polygon, on edges where the field changes its sign."""
         cells = self.mesh.cells
         a, b = cells.corner, cells.next_values(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
@@ -166,7 +164,7 @@ def corner_band(
     edges : (l, 2) the lines of the mesh that are the edges of each stripe.
 
     If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
-    next face. Both fields divide such a mesh edge before the cut, so that both faces get the same vertices.
+    next face. Levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices.
     """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
@@ -203,9 +201,7 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
 
 
 def _cells_to_cut(mesh: PolygonMesh, wanted_share: Floats) -> Bools:
-    """(c,) mask of polygons to cut: in openings that want the field on enough area (m,), and in members between
-    these.
-    """
+    """(c,) mask of polygons to cut: openings with enough wanted area, and material that crossing stripes cut again."""
     least = 0.5  # an opening needs stripes in this share of its area
     crossed = mesh.again & (wanted_share > least)[mesh.parent]
     if not mesh.void.any():
@@ -278,8 +274,8 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along the levels of one side of the field; return also the strip (c',) of each
-        polygon.
+        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strip (c',)
+        of each.
 
         above : whether a polygon on a level belongs to the strip above. Every new polygon has an area.
         """

@@ -41,19 +41,17 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
              varies over a face: two fields z + d and z - d, with levels at the middles of the stripes. A `CornerField`
              holds values that differ between the faces at a vertex. A `DividedField` is linear over parts of faces;
-             all divided fields have one division, and come before any `CornerField`.
+             all divided fields share one division, and come before any `CornerField`.
     levels : ascending values for each field. Strip j of a field has j levels below it, and odd strips are material. Two
              equal levels (see `LEVEL_GAP`) enclose nothing and are left out. For a pair of fields, material has more
              levels below the first field than below the second field: |z - level| < d.
     snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
              onto the level. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact
-             areas; a floor of `SNAP_FLOOR` always holds, and corners of cells without area move, too.
+             areas; values within `SNAP_FLOOR` always move, and so do values at corners of cells without area.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
-    that
-    lies wholly on a level is void. The cells are in the order of their parent faces, and the first n vertices are
-    those of
-    the surface.
+    that lies wholly on a level is void. The cells are in the order of their parent faces, and the first n vertices are
+    those of the surface.
 
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
@@ -91,7 +89,7 @@ def polygons_along(
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
 
-    divided_again : marks material of each field that later fields divide, too; default: none.
+    divided_again : rule for material that later fields divide, too (see `DividedAgain`); default: none.
     """
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
@@ -128,7 +126,7 @@ def _division(fields: Sequence[Field]) -> tuple[DividedSurface | None, dict[int,
         return None, {}
     divided = next(iter(on_parts.values())).divided
     if any(field.divided is not divided for field in on_parts.values()):
-        raise ValueError("all divided fields must be on one division")
+        raise ValueError("all divided fields must share one division")
     if any(isinstance(field, CornerField) for field in fields[: max(on_parts)]):
         raise ValueError("divided fields must come before corner fields")
     return divided, {k: field.x for k, field in on_parts.items()}
@@ -141,7 +139,7 @@ def _tip_snap(snap: float) -> float:
 def _plain_splits(
     mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Split the void polygons by a plain field or a pair, x at their vertices; return also a mask of the material.
+    """Split the void polygons by values x of one field or of a pair at their vertices; return also the material's mask.
 
     edges : (l, 1 or 2) the lines of the mesh on the levels of each field.
     """
@@ -154,9 +152,9 @@ def _plain_splits(
 def _band(
     mesh: PolygonMesh, x: Floats, levels: Floats, snap: float, size: float, edges: Ints
 ) -> tuple[list[Split], Bools]:
-    """Two splits of the void cells, by x[:, 0] and by x[:, 1], and the mask of the resulting material cells.
+    """Split the void cells by x[:, 0], then by x[:, 1]; return both splits, and a mask of the material cells.
 
-    Cells are not cut if x[:, 0] - x[:, 1] stays over the gap of the levels, or under zero.
+    Cells that lie wholly inside or wholly outside stripes are not cut (see `cells_without_edges`).
 
             x[:, 0] = level . ' material
         . '        ' .                      The two lines of a stripe meet at its tip: there the second split
@@ -237,7 +235,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
-    """Return cells (k,) of a sheet and their neighbours, which get new vertices on their sides, as polygons to cut.
+    """Return cells (k,) of a sheet as polygons to cut, with their neighbours, whose sides get new vertices, too.
 
     Returns also the cell (c,) of each polygon, ascending. Vertices keep their order.
     """
@@ -280,7 +278,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Interpolate a field that is linear over parts of the faces of `uncut` to a sheet's vertices: (n',) or (n', 2)."""
+    """Return values (n',) or (n', 2) at a sheet's vertices of a field that is linear over parts of the uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

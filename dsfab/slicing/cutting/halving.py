@@ -26,7 +26,7 @@ class LineHalving:
     """A surface divided along the lines at which levels change.
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
-    phases : the fields, moved onto vertices that a line nearly meets.
+    phases : both fields; lines that nearly met a vertex are moved onto it.
     first  : the family that was halved first; lines of the second family may end on its lines.
     """
 
@@ -36,13 +36,13 @@ class LineHalving:
     first: int = 0
 
     def drawn_share(self, surface: Surface, family: int, level: int) -> Floats:
-        """(m,) share of each face with at most `level` halvings, where the lines of that level are drawn."""
+        """(m,) share of each face in which the lines of a level are drawn: at places with at most `level` halvings."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         drawn_area = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, drawn_area, surface.m) / surface.areas)
 
     def mean_scale(self, surface: Surface, family: int) -> Floats:
-        """(m,) mean share of the lines that remain."""
+        """(m,) mean share of the lines that remain in each face."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         scaled_area = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, scaled_area, surface.m) / surface.areas)
@@ -57,9 +57,9 @@ def halve_lines(
 ) -> LineHalving:
     """Halve two families of lines, at whole numbers of phases (n, 1), in the openings between them.
 
-    target         : (m,) each, wanted number of halvings; an opening takes the whole number under its mean.
+    target         : (m,) each, wanted number of halvings; an opening takes its mean, rounded down (`split_value`).
     level_limits   : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
-    uncapped_target : (m,) each, targets without limits; taken if spacings become more even by `GAIN`.
+    uncapped_target : (m,) each, targets without limits; used if they make spacings more even by `GAIN`.
     """
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
@@ -115,10 +115,10 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """(p,) for the pairs of neighbours: True if a line between them is a multiple of the smaller of their periods (c,).
+    """(p,) True for neighbours with a drawn line between them: a multiple of the smaller of their periods (c,).
 
-    Neighbours see the field with their own sign and shift. The strip between two lines is identified by its middle,
-    half of a whole number, because conversion is exact for it. Blank faces are walls on all sides."""
+    Neighbours see the field with their own sign and shift. Their strips are compared by the middles between two lines,
+    because half-integers stay exact under sign and shift. Blank faces are walls on all sides."""
     slot_a, slot_b, slot_at_start = mesh.neighbours
     seen, owner = PolygonField.from_field(mesh, field), mesh.cells.owner
     y = seen.slot_values(0)
@@ -132,10 +132,10 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """(c,) the whole number under the mean target of each opening, 0 to the limit; see `split_value`.
+    """(c,) number of halvings in each polygon's opening: its mean target, rounded down by `split_value`, and limited.
 
-    The target of a part of an opening may exceed the limit. That counts if spacings become more even by `GAIN`. For
-    example, an opening with targets 2 and 0.4 is halved once under a limit of 1; with capped targets it never would be.
+    Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and
+    0.4 is halved once under a limit of 1; with capped targets it never would be.
     """
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls

@@ -57,7 +57,7 @@ class PolygonMesh:
         return cls.from_cells(F, Cells.triangles(F), V, sheet.weights, sheet.parent, sheet.family).with_lines_of(sheet)
 
     def with_lines_of(self, sheet: Sheet) -> Self:
-        """Return the triangles of a sheet, which these polygons must be, with the lines that their sides lie on."""
+        """Return these polygons, which must be the triangles of a sheet, with the lines of the sheet's sides."""
         return replace(self, cells=Cells.triangles(sheet.surface.F, sheet.sides_on), lines=sheet.lines)
 
     @classmethod
@@ -96,7 +96,7 @@ class PolygonMesh:
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
         """Return the mesh divided by a split.
 
-        lines : (l, c') lines of the split's levels in its polygons; one row or column stands for all; None for no line.
+        lines : (l or 1, c' or 1) the line of each level of the split in each new polygon; None for no lines.
         """
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
@@ -106,8 +106,8 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) the slots of both sides of each inner edge, and the second polygon's slot at the start of the first
-        side.
+        """(p,) each, for inner edges: the slots of their two sides, and the second polygon's slot at the start of the
+        first side.
         """
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
@@ -171,8 +171,8 @@ class Contacts:
 
     parts  : (k, 2) both parts of each stretch; the second is -1 for an edge of the surface or an anchor.
     length : (k,) metres.
-    links  : (l, 2) consecutive stretches of one part; k is added to the number of a stretch seen from its second part.
-    around : (p,) metres, the outline of each part.
+    links  : (l, 2) consecutive stretches of one part. Stretch i has number i for its first part, i + k for its second.
+    around : (p,) length of each part's outline, metres.
     """
 
     parts: Ints
@@ -269,7 +269,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs (l,), (l,) of sides of the same group (k,) with a common vertex; ends (k, 2) are vertices below `count`."""
+    """Pairs (l,), (l,) of sides that share a group (k,) and a vertex. ends : (k, 2) vertices, below `count`."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

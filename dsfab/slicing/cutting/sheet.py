@@ -80,7 +80,7 @@ class CutLines:
 
     kind   : (l,) of `LineKind`.
     field  : (l,) index of the field of a level; -1 for other kinds.
-    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, in the count of the cell's face; for
+    number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, as the cell's face counts stripes; for
              other kinds it counts the lines of the kind.
     circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds.
     """
@@ -123,7 +123,7 @@ class Sheet:
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
     stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
-    sides_on : (m', 3) the line that each half-edge lies on, a row of `lines`. In a sheet of all cells one of the two
+    sides_on : (m', 3) the line that each half-edge lies on, a row of `lines`. In a sheet of all cells, only one of the
               half-edges of an edge may have it. In a sheet of the material every half-edge of the outline has a line,
               and no other half-edge:
 
@@ -146,7 +146,7 @@ class Sheet:
     def __post_init__(self) -> None:
         lock(self, "parent", np.int64, (None,))
         lock(self, "family", np.int64, (None,))
-        if len(self.sides_on) != self.surface.m:  # the caller knows no lines
+        if len(self.sides_on) != self.surface.m:  # without lines, all sides get line 0
             object.__setattr__(self, "sides_on", np.zeros((self.surface.m, 3), dtype=np.int64))
         lock(self, "sides_on", np.int64, (self.surface.m, 3))
         weights = csr_array(self.weights, copy=True)
@@ -271,7 +271,7 @@ class Sheet:
 
     @cached_property
     def lines_of_edges(self) -> Ints:
-        """(m', 3) the line of each half-edge, or of the other half-edge of the same edge."""
+        """(m', 3) the line of each half-edge; if it has none, the line of its twin."""
         line, twin = self.sides_on.ravel(), self.surface.edges.twins
         return np.where((line == 0) & (twin >= 0), line[twin], line).reshape(-1, 3)
 

@@ -18,7 +18,7 @@ class Split:
     cells  : the new polygons, on the old vertices followed by the new ones.
     source : (c',) the old polygon that each new one is a part of.
     strip  : (c',) number of levels below a new polygon; -1 for inactive ones.
-             Its new sides, and sides on a level that were on no line, lie on `sides_on` -1 - l for level l.
+             New sides on a level l, and old sides there without a line, have -1 - l in `sides_on`.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
     side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there.
     """
@@ -186,7 +186,7 @@ def split_cells(
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
     strip = np.where(
         highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
-    )  # these are strip numbers of polygons that no level cuts
+    )  # right for polygons that no level cuts
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
@@ -262,14 +262,14 @@ def _sides(
 
 
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
-    """The same polygons with the new vertices as corners, and the strip of each side.
+    """Return the same polygons with the new vertices as corners, and the strip of each side.
 
-    A side on a level gets the strip of the last other side before it, around its polygon, which must have one.
+    A side on a level gets the strip of the side before it that is on no level; each polygon must have such a side.
     """
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
-    step = np.arange(offset[-1]) - offset[side]  # the old corner is 0, new ones follow
+    step = np.arange(offset[-1]) - offset[side]  # 0 for an old corner, then 1, 2, ... for new corners
     climbed = np.where(sides.up[side], step, sides.count[side] - step)
     corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
     corner[offset[:-1]] = cells.corner
@@ -282,7 +282,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
     source = np.maximum.accumulate(slot)
-    before = source < cells.start[:-1][cells.owner]  # before its first strip a polygon takes its last strip
+    before = source < cells.start[:-1][cells.owner]  # these take the last strip of the polygon
     source[before] = cells.per_polygon(np.maximum, slot)[cells.owner[before]]
     return np.asarray(strip[source])
 
@@ -322,7 +322,7 @@ def _with_pieces(
 ) -> Split:
     """Replace the polygons `which` (k,) by their pieces, in order.
 
-    sides_on, strip : (h,) and (c,) of the unchanged polygons.
+    sides_on, strip : (h,) lines and (c,) strips of the polygons before.
     """
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)

@@ -129,9 +129,9 @@ class Walls:
 
 
 def next_in_chains(chain: Ints) -> Ints:
-    """Return the next position (k,) of each in its chain; the last leads to the first.
+    """Return the next position (k,) in the chain of each position; the last position of a chain leads to its first.
 
-    chain : (k,) the chain of each position, in runs of one number.
+    chain : (k,) the chain of each position; equal numbers are adjacent.
     """
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
@@ -170,7 +170,7 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 class Stretches:
     """Parts (p,) of chains. A part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, with all chains laid end to end.    part : (q,) the part of each entry.
+    low, high : (q,) ends of each entry, metres, with all chains laid end to end.    part : (q,) the part of each entry.
     before    : (c,) metres at which the chains begin.
     """
 

@@ -26,9 +26,9 @@ BEND = 0.4
 class Freedom(NamedTuple):
     """Possible moves of wall vertices (k,).
 
-    along : (k, 2, 3) unit directions, 0 for a missing direction.
-    share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
+    along : (k, 2, 3) unit directions of a vertex, 0 for a missing direction.
+    share : (k, 2, 3) change of its weights, in the columns `column` (k, 3), for a metre along each direction.
+    most  : (k,) largest moves, metres: a tenth of the vertex's mesh edge, which is twice the largest snap.
     """
 
     vertex: Ints
@@ -42,11 +42,9 @@ def faired_walls(sheet: Sheet) -> Sheet:
     """Make the walls between material and void of a sheet without pinches as smooth as the mesh allows.
 
     The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
-    across the wall, k the curvature in the surface, and a and b are numbers of wall segments. Circles and straight
-    lines
-    stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba
-    1990].
-    Cells stay in their uncut faces, and vertices of the uncut surface stay in place.
+    across the wall, k the curvature in the surface, and a and b are lengths, counted in wall segments. Circles and
+    straight lines stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch
+    1967; Wahba 1990]. Cells stay in their uncut faces, and vertices of the uncut surface stay in place.
     """
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
@@ -63,9 +61,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut vertices.
 
-    A vertex on an edge can move along the edge, and a vertex within a face anywhere in the face. Uncut vertices are
-    left
-    out.
+    A vertex on an edge can move along the edge, and a vertex in a face in the whole face. Uncut vertices are left out.
     """
     column, weight = weight_entries(weights)
     has_weight = weight > 0
@@ -134,9 +130,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Weights (k, order + 1) that give a derivative along lines through points P (k, order + 1, 3); lengths (k,),
-    metres.
-    """
+    """Weights of points P (k, order + 1, 3) in a derivative along the line through them; and lengths (k,), metres."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -145,7 +139,7 @@ def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
 
 
 def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
-    """Linear equations for the steps: the sum over j of value (k, j, 3) . step of vertex q (k, j); and `value`."""
+    """Matrix for the steps: row k is the sum over j of value[k, j] . step of vertex q[k, j]; and `value` (k, j, 3)."""
     k, j = np.nonzero(place[q] >= 0)
     free_vertex = place[q[k, j]]
     data = np.einsum("pi,pci->pc", value[k, j], free.along[free_vertex])
@@ -163,7 +157,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
     slimmest, halvings = 0.5, 7  # the slimmest angle is in degrees
-    for attempt in itertools.count():  # a smaller move may make a neighbouring cell slim
+    for attempt in itertools.count():  # a smaller move of one vertex may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
@@ -177,7 +171,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) of a sheet, at most one at each cell, and the places V (k, 3) and weights (k, n) of new vertices."""
+    """Walls (k,) to divide, at most one of each cell; and places V (k, 3) and weights (k, n) of the new vertices."""
 
     wall: Ints
     V: Floats
@@ -219,7 +213,7 @@ def _bows(walls: Walls) -> Floats:
 
 
 def _division(sheet: Sheet) -> Division:
-    """The walls to divide next. If a cell has two bent walls, the wall with the larger bow."""
+    """The walls to divide next; of two bent walls of a cell, the one with the larger bow."""
     walls = sheet.walls
     bow = _bows(walls)
     wall = np.flatnonzero((bow != 0) & (sheet.parent[walls.void_cells] == sheet.parent[walls.material_cells]))

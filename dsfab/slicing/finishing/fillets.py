@@ -40,10 +40,10 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and arcs (p,).
+    """Yield corners (p,), and arcs (p,) that round them where rolling discs of a radius, metres, stop in openings.
 
     Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
-    are left out. The function yields twice: for the vertices nearest to the discs, and for the farthest vertices. On a
+    give no arc. The function yields twice: for the vertices nearest to the discs, and for the farthest vertices. On a
     curved surface an arc may fit at one of these vertices only. Corners in `taken` stretches are left out."""
     flat, walls = flat_openings_of(sheet), sheet.walls
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
@@ -73,7 +73,7 @@ def _arcs_in_planes(
 
     line_a, line_b = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     centre, exists = circle_centres(*line_a, *line_b, size)
-    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # arcs in the flat need this room beyond their feet
+    all_tips, margin = np.arange(len(wall)), 0.6 * radius  # flat arcs need this room beyond their ends
     lines = tips.wall_line(all_tips, way_a + margin, back=True), tips.wall_line(all_tips, way_b + margin, back=False)
     arcs = tangent_arcs(*lines, size, centre)
     valid = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -89,7 +89,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points (p, 2) where loops turn left by more than `SHARPEST`; unit vectors to the right before and behind them."""
+    """Points (p, 2) where loops turn left by over `SHARPEST`, and unit vectors to the right before and after each."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -106,7 +106,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
     """The stops beyond which no second disc has room; and for each stop a near and a far wall (p,) beyond it.
 
-    An opening may widen again behind a neck; such a stop is not a tip.
+    A stop is not a tip if the opening widens again beyond it.
     """
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
@@ -149,9 +149,8 @@ class Fillets:
     wall : (k,) the walls that begin at the corners.    circle : (k, 7) see `CutLines`.
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
-    An arc fills the region beyond a chord and within both rays. Rays run from the middle of the arc through its feet.
-    They
-    are needed if the walls turn so sharply at a foot that the void beside the foot lies beyond the chord as well.
+    An arc fills the region beyond a chord and within both rays. Rays run from the arc's middle through its ends, the
+    feet. They are needed if walls turn so sharply at a foot that the void beside it lies beyond the chord as well.
     """
 
     wall: Ints
@@ -228,7 +227,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Chords in space for arcs at corners, and a mask of the arcs that reach no further wall and no edge."""
+    """Return arcs at corners as chords in space, and a mask of the arcs that reach no other wall and no edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -268,7 +267,7 @@ def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: boo
 
 
 def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner than their feet, in its plane.
+    """(k,) mask of arcs that fill nothing farther from their corner than their feet are, in the corner's plane.
 
     At a fold the void may turn back and lie beyond a chord again. There an arc would fill the opening along the fold.
     """
@@ -280,7 +279,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[row][:, None], corners.frames[row])
         return np.asarray(np.linalg.norm(flat, axis=-1) > reach[arc][:, None])
 
-    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # nearer cells always pass
+    far_rows = beyond_reach(arc, surface.V[surface.F[cell]]).any(axis=1)  # arcs with nearer cells pass
     arc, X = arc[far_rows], surface.V[surface.F[cell[far_rows]]]
     bad = np.zeros(len(corner_rows), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -371,10 +370,9 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons along the chords of their arcs (c,), -1 for none; return the mesh, old polygons, and polygons to
-    fill.
+    """Cut polygons by their arcs' chords; return the mesh, the old polygon of each, and a mask of those to fill.
 
-    corner : (k,) the vertex that each arc rounds.    size : of the surface, metres.
+    arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface.
     """
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
@@ -401,9 +399,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """(n',) metres beyond a plane (k, 3), (k,) of the arc (c,) of each active polygon, at its vertices; 0 under
-    `snap` (k,).
-    """
+    """(n',) metres of the active polygons' vertices beyond the planes (k, 3), (k,) of their arcs; 0 below `snap`."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, arc_of_slot = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[arc_of_slot], mesh.X[vertex]) - distance[arc_of_slot]

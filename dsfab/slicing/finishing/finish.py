@@ -80,7 +80,7 @@ def tidied_polygons(
 def polygon_passes(
     surface: Surface, fields: Sequence[Field], lines: Sequence[Floats], tidy: Tidy
 ) -> Iterator[tuple[str, PolygonPass]]:
-    """Yield the passes over the polygons of a cut along lines of fields, in order, each with the name of its count."""
+    """Yield the passes over the polygons of a cut along lines of fields, in order, each with a name for its count."""
     yield "ends", partial(with_meeting_ends, fields=fields, levels=lines)
     yield "closed", partial(with_closed_openings, closed=tidy.closed)
     yield "loose_ends", partial(without_loose_ends, tidy=tidy)
@@ -94,7 +94,7 @@ class FinishingOptions(NamedTuple):
     snap, pinch : as in [slicing].    thickness : of the sheet.
     sized     : whether the preset sets the smallest opening.
     opening   : smaller openings are filled; 0 for none.
-    merge     : slits to fill. Without any, necks, rounded openings and members stay as they are.
+    merge     : slits to fill; for "none", necks, rounded openings and members stay as they are, too.
     neck      : openings with a narrower neck get a bridge; 0 for none.
     fillet    : radius of round corners, or 0.
     member    : members narrower than this between round corners become wider; 0 for none.
@@ -182,7 +182,7 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 
 
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
-    """Yield the passes that precede the rounding of corners, in order, each with the name of its count."""
+    """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits
     yield _counting_pass("pinches", partial(_without_pinches, options=options))
@@ -197,7 +197,7 @@ def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pas
     if options.neck and merges:
         yield _counting_pass("bridged", partial(bridged_necks, width=options.neck))
     if merges:
-        # because fairing opens or closes thin slits
+        # fairing opens or closes thin slits, so slits are filled again
         yield _counting_pass("merged", lambda cells: filled_slits(divided_walls(faired_walls(cells)), merge))
         yield _counting_pass("spikes", without_spikes)
 
@@ -244,7 +244,7 @@ def _with_round_corners(
 
 def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSheet:
     cells, radii = rounded_corners(sheet.cells, options.fillet)
-    # because round corners narrow the openings
+    # round corners narrow the openings, so slits are filled again
     cells, merged = filled_slits(cells, options.merge) if options.merge != "none" and len(radii) else (cells, 0)
     return replace(sheet.with_cells(cells, merged=merged), radii=radii)
 
@@ -265,9 +265,7 @@ def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions)
 def _with_least_widths(
     sheet: FinishedSheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None
 ) -> FinishedSheet:
-    """Widen narrow places. New strips leave needles with tiny edges, which ruin finite elements, so cells are
-    improved.
-    """
+    """Widen narrow places, then improve the cells, because the tiny edges of new strips ruin finite elements."""
     if trial and trial.latest.cells is sheet.cells and trial.least and trial.least[0] == options.least:
         result = trial.least[1]
     else:

@@ -51,7 +51,9 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the places (p,) in `wall` of the walls nearest to points (p, 2), and the shares (p,) up to there."""
+        """Return the walls (p,) nearest to points (p, 2), as indices into `wall`.
+        Return also the nearest places on these walls, as shares (p,) of their lengths.
+        """
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
@@ -90,7 +92,7 @@ def flat_openings_of(sheet: Sheet) -> FlatOpenings:
 
 
 def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """The places nearest to points (k, 2) on edges (m, 2) or vertices (m, 1) of V (n, 2)."""
+    """Return the places on edges (m, 2) or at vertices (m, 1) of V (n, 2) that are nearest to points (k, 2)."""
     return nearest_places(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
 
 
@@ -113,9 +115,9 @@ LONG, BULKY = 4.0, 0.7
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A part of an opening: its outline (k, 2), metres, and the runs (r, 2) of the outline on walls, between arcs.
+    """A narrow part of an opening: its outline (k, 2), metres, and `runs` (r, 2), stretches of the outline on walls.
 
-    An opening without any room has no runs.
+    Arcs of a disc lie between the runs. If no disc fits into the opening, there are no runs.
     """
 
     outline: Floats
@@ -162,7 +164,7 @@ def _outlines_to_check(points: Floats, on_wall: Bools, start: Ints, least_length
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Stretches of the outline between arcs whose ends are at least `wide` metres apart."""
+    """Return the stretches of the outline on walls, between arcs whose ends are over `wide` metres apart."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # an arc ends here

@@ -22,7 +22,7 @@ NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings under `least` metres, narrowest first, and `apart` metres apart.
+    """(k, 2, 3) points on both walls of openings narrower than `least` m, narrowest first, and `apart` m apart.
 
     tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip.
     """
@@ -34,7 +34,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings, under `least` metres and narrow by `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, narrower than `least` metres and by `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -115,7 +115,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings under `least` metres in the `rounded` sheet, `width` metres broad; return also the number.
+    """Bridge openings narrower than `least` m in a rounded sheet, by strips of `width` m; return also the number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
     Therefore this function measures as `features` does."""
@@ -127,7 +127,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad; return also the number of bridges.
+    """Build bridges of `width` metres between pairs of points (k, 2, 3) near two walls; return also their number.
 
     One call builds as many bridges as possible.    snap : see `with_strips`.
     """
@@ -178,7 +178,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # a shorter way goes around the end of a member
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # else the member ends here
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -218,7 +218,7 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """Remove openings under `gap` and members under `member`, metres, as far as added material can; 0 for no limit.
+    """Add material where openings are narrower than `gap`, or members than `member`, metres; 0 for no limit.
 
     Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
 
@@ -268,18 +268,18 @@ def _with_bridged_gaps(cells: Sheet, gap: float) -> tuple[Sheet, int]:
         places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
-        if not len(places) or idle == 2:  # bridges fail at mouths and at the narrowest places
+        if not len(places) or idle == 2:  # both orders of gaps gave no bridge
             break
     return cells, total
 
 
 def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    """Add strips on both sides of members at points (k, 2, 3), except at edges of the surface; and their number."""
+    """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # because walls are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # larger, because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # these ends lie on walls
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # true for ends on walls
     strips = []
     for place, sides, on_wall in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         strips += _strips_at(cells, sides[on_wall].tolist(), place, half)
