@@ -117,7 +117,7 @@ def beam_table() -> Iterator[Quoted]:
 
 def figures() -> Iterator[Quoted]:
     """All that is made again."""
-    yield Quoted(CASES, "slab, tonnes", r"floors of the same ([\d.]+) t", tonnes("slab"))
+    yield Quoted(CASES, "slab, tonnes", r"floors of the same mass, ([\d.]+) t", tonnes("slab"))
     yield Quoted(
         CASES, "slab over thinner", r"The floor is ([\d.]+) times as stiff as a plain", gain(quick, "slab", "thinner")
     )
