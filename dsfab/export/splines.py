@@ -181,7 +181,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return the samples of r curves from their numbers of samples `count` (r,), and x (k,), Q (k, d) in sequence."""
+        """Return the samples of r curves: `count` (r,) samples of each curve, and x (k,), Q (k, d) in sequence."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -199,7 +199,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distance (k,) between samples and `points` (k, d); of a sample with parts, the largest distance."""
+        """Return the distance (k,) between samples and `points` (k, d); of several parts, the largest distance."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 

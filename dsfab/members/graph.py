@@ -33,7 +33,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) in both fields `one` and `two`, with their members a and b (c,), and the number of their patch (c,)."""
+    """Cells (c,) in both fields `one` and `two`, with their members a and b (c,), and their patch number (c,)."""
 
     one: int
     two: int

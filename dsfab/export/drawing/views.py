@@ -38,7 +38,7 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front view and right view of a sheet with its lines; omit a view in which the sheet is only a line."""
+    """Return plan, front view and right view of a sheet with its lines, without a view in which it is only a line."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
