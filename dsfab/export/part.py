@@ -175,10 +175,11 @@ class Details:
 class StepOptions:
     """Options of a STEP file.
 
-    route     : planar, for flat or folded sheets: lines and splines along the outline; members, for curved sheets:
-                untrimmed four-sided patches, which CAD programs cut and measure well; smooth or compact: few skins and
-                ruled walls, the smallest file, which CAD programs often fail to cut; faceted: planar faces only; auto:
-                the first that suits the solid and passes the check; tessellated: triangles for viewers, never by auto.
+    route     : "planar"       lines and splines along the outline, for flat or folded sheets;
+                "members"      untrimmed four-sided patches, for curved sheets; CAD programs cut and measure them well;
+                "smooth"       or "compact": few skins and ruled walls; CAD programs often fail to cut this small file;
+                "faceted"      planar faces only;    "tessellated"  triangles, for viewers only;
+                "auto"         the first of these that suits the solid and passes the check, but not "tessellated".
     faces     : largest number of planar faces; coplanar triangles count as one face.
     tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
                 simplified within this tolerance, or for 0 only if all other routes fail.

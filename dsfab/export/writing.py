@@ -90,7 +90,8 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder; once per folder, which may contain thousands of files."""
+    """Remove files that ended processes left in a folder; a process looks once, because folders may have thousands of
+    files."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)

@@ -127,7 +127,7 @@ class Member:
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              kept places; plate and fill without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
-    stripe : number in the phase of the family, for most of its cells.    part : 1, 2, ... of one stripe.
+    stripe : number of the stripe of most of its cells.    part : 1, 2, ... among the members of this stripe.
     cells  : (c,) cells of the graph's sheet, including cells below other members.
     area   : area of these cells, square metres.
     axis   : along its middle, or None.

@@ -21,7 +21,7 @@ Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their common pattern."""
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their sparsity pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
@@ -145,7 +145,8 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to one side, -1 if one of them is reversed.
-        If they are perpendicular, the surface's sense of rotation decides, because rounding depends on coordinates."""
+        For perpendicular tangents the orientation of the surface decides, because rounding errors depend on
+        coordinates."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

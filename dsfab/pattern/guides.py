@@ -92,7 +92,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return the squares (n,) of a guide's direction as complex numbers in the frames, of size 0 beyond its reach to 1."""
+    """Return squares (n,) of a guide's direction, complex numbers in the frames of size 1 or less; 0 beyond its reach."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None

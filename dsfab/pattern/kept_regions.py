@@ -98,7 +98,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,), where values near the reach (see `NEAR`) equal it, unless all corners of a face are near."""
+    """Return distances (n,); those close to the reach (see `NEAR`) become equal to it, unless a whole face is close."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False

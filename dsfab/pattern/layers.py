@@ -68,7 +68,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer, with one field if the width does not vary."""
+        """Return the family as one layer; it has a single field if the width does not vary, else two."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -287,7 +287,7 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return faces (m,) on which a field is drawn, exact to one face; the cut is more accurate."""
+    """Return faces (m,) on which a field is drawn, each face as a whole; the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 

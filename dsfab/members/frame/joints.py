@@ -24,7 +24,7 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-    points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
+    points, names : of the nodes.    on : by member, the nodes on its axis, each as arc length and number.
     links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
     ends   : by member, begin and end of its beams, metres along its axis.
     grazed : nodes at which members share material beside their middle lines."""
