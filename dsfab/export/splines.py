@@ -135,8 +135,7 @@ class LeastSquares:
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """Return the least-squares poles (n, d) for samples Q (k, d). start : (n, d) the fixed poles, zero in other
-        rows."""
+        """Return the least-squares poles (n, d) for samples Q (k, d). start : (n, d) the fixed poles, else 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True
@@ -199,7 +198,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the distance (k,) between samples and `points` (k, d); of several parts, the largest distance."""
+        """Return the distance (k,) of each sample from `points` (k, d); with several parts, the largest distance."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -210,8 +209,7 @@ class SplineRows:
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """Spans of curves, from knots `low` to `high` (s,): `row` (s,), the curve of each span; `of` (k,), each sample's
-    span."""
+    """Spans between knots `low` and `high` (s,); row : (s,) curve of each span; of : (k,) span of each sample."""
 
     low: Floats
     high: Floats

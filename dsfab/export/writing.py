@@ -90,8 +90,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder; a process looks once, because folders may have thousands of
-    files."""
+    """Remove files that ended processes left in a folder, only once per folder, because large folders take long."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)

@@ -21,7 +21,7 @@ Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their sparsity pattern."""
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their sparse pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)

@@ -41,7 +41,7 @@ def curve_fields(
 ) -> list[Floats | DividedField]:
     """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
-    The outline of a region is the level at minus its reach. Faces at the outline are halved where the distance is not
+    A region's outline is where its field is minus its reach. Faces at the outline are halved where the distance is not
     linear. All fields share the divided surface, after at most `rounds` of halving and `most_parts` additional faces.
     Farther outside than the longest edge, values are only finite bounds: the true values are larger."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
@@ -180,8 +180,8 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return the bands of regions, of the default width `rim` (m), or if this is 0 of half the area over the outline.
-    Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
+    """Return the bands of regions; default width: `rim` (m), or half of the area over the outline's length if `rim` is
+    0. Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -239,7 +239,7 @@ def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.in
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
     """Return the marked vertices (n,) of patches, which have marked faces; the other vertices form points and curves. A
-    face with three vertices on the boundary is not marked, nor is an inner edge with two, because they depend on the
+    face with three boundary vertices is not marked, nor is an inner edge with two, because such parts depend on the
     mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)

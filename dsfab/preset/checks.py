@@ -125,7 +125,7 @@ def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) ->
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state: those of this state, else those of none, else all."""
+    """Return the cases and combinations to check in a limit state: those of this state, else of none, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

@@ -87,7 +87,7 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings: over half the thickness, with a reserve, because chords replace the arcs."""
+        """Radius of the corners of openings; more than half the thickness, because chords replace the arcs."""
         return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
 
 
