@@ -58,7 +58,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # equal up to rounding errors
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # without rounding errors
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -167,8 +167,8 @@ class StressDirections:
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return the confidence D / (D + 0.3 r) (m,), 0 to 1: D is the difference of the principal stresses, r their
-        RMS. Raises PatternError if the stress is zero."""
+        """Return D / (D + 0.3 r) (m,), 0 to 1, where D is the difference of the principal stresses, and r their RMS.
+        Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:

@@ -101,7 +101,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
-        with one_blas_thread():  # two threads need a hundred times as long as one for few columns
+        with one_blas_thread():  # for few columns two threads need a hundred times as long as one
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
@@ -145,8 +145,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to one side, -1 if one of them is reversed.
-        For perpendicular tangents the orientation of the surface decides, because rounding errors depend on
-        coordinates."""
+        For perpendicular tangents the orientation of the surface decides, and not rounding errors."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 

@@ -92,8 +92,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return squares (n,) of a guide's direction, complex numbers in the frames; sizes are at most 1, 0 beyond its
-    reach."""
+    """Return squares (n,) of a guide's direction, complex numbers in the frames of size 0 to 1; 0 beyond its reach."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None

@@ -55,10 +55,9 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
 
 
 class Halving(NamedTuple):
-    """Number of times that the density of lines is halved at each vertex: the integer below `wish` (n,), at most
-    `most`.
-    wish   : wanted number as a real number, 0 to `most`.    free : the same without these bounds.
-    limits : bounds of the logarithm of the density before halving."""
+    """Numbers of times that the density of lines is halved, at each vertex the integer below `wish` (n,).
+    most, wish : largest number; wanted number, a real number from 0 to `most`.    free : `wish` without these bounds.
+    limits     : bounds of the logarithm of the density before halving."""
 
     most: int
     wish: Floats
@@ -74,9 +73,8 @@ class Halving(NamedTuple):
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even, from the logarithm u (n,) of their density.
     The least density after halving is searched from the median down to a quarter of it, in steps of 1/20 of a power of
-    two. The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing. A
-    halving must lower this ratio by 5 %, because it ends members; halvings on the densest 2 % of the surface do not
-    count."""
+    two. The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing. Each
+    halving must lower it by 5 %, because it ends members; halvings on the densest 2 % of the surface do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 

@@ -56,7 +56,7 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection onto symmetric phases, for phases at V (n, 3) that grow along g (n, 3) by density (n,)
+        """Return the projection onto symmetric phases, for phases at V (n, 3) that grow along g (n, 3), `density` (n,)
         per metre.
 
         Where g is reversed at an image, the phase is conjugated. An image of a vertex may lie between other vertices.
