@@ -218,7 +218,7 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid, without a file; keywords as in `write`."""
+    """Estimate the cost of each route to a STEP file of a solid without writing the file; keywords as in `write`."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")

@@ -230,7 +230,7 @@ class RowSpans:
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return the spans of unfinished rows (r,), with the bad spans (s,) halved."""
+        """Return the spans of unfinished curves (r,), with the inaccurate spans (s,) halved."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]

@@ -128,8 +128,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals have
-    an error of first order where edges differ in length, and members would twist by this error."""
+    The sum at a vertex is over cross products of a face's two edges, divided by their squared lengths. Area-weighted
+    normals have an error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

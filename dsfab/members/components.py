@@ -111,8 +111,8 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be
-    in none.
+    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be in
+    none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -169,7 +169,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 
 def roundness(overlay: Overlay) -> Floats:
-    """Return 4 pi area / outline^2 of each stripe (k,): 1 for a disc."""
+    """Return 4 pi area / (length of the outline)^2 of each stripe (k,): 1 for a disc."""
     surface, result = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
     f, g = overlay.adjacent_cells.T
@@ -240,8 +240,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, also divided along hidden edges.    label : (m,) number of the set of stripes that cover a cell.
-    loose : (m,) True for cells outside of all stripes."""
+    sheet : m cells, also divided along hidden edges of stripes.    loose : (m,) True for cells outside of all stripes.
+    label : (m,) number of the set of stripes that cover a cell."""
 
     sheet: Sheet
     label: Ints

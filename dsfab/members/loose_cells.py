@@ -111,9 +111,8 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return the line, and the first and last points of its parts that run inside kept material.
-    A closed line is opened. width : (k - 1,) of the kept material over each segment, or 0; own_width : of the member,
-                                     m."""
+    """Return the line, opened if closed, and the first and last points of its parts that run inside kept material.
+    width : (k - 1,) of the material (m) that hides each segment, or 0.    own_width : width of the line's member."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -106,7 +106,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges between a face and the start of its path: a singular face, or the boundary, which it crosses."""
+    """Return the edges that a path crosses from a face to its start: a singular face, or the boundary, also crossed."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))

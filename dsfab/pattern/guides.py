@@ -23,7 +23,7 @@ class GuideError(PatternError, ValueError):
 
 @dataclass(frozen=True)
 class Guide:
-    """A curve, or a direction in a region, that stripes follow by its weight.
+    """A curve, or a direction in a region, that stripes follow more closely the larger its weight.
 
     curve     : points of a polyline on the surface or near it, metres.
     reach     : distance (m) from the curve, straight through space, at which its weight falls to 0; by default the
@@ -75,7 +75,7 @@ class Guidance:
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return the guidance of each guide with a weight.
+        """Return the guidance of each guide whose weight is not 0.
         spacing : default reach of curves, metres. Raises PatternError for a guide without an effect."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]

@@ -1,4 +1,4 @@
-"""Layers: a field and its levels to cut, for stripes on modes and on even phases; the share of material."""
+"""Layers of a pattern: fields and their levels, for stripes on modes or evenly spaced; the share of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -260,7 +260,7 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return whether any layer makes points of each face material, (m, p), for barycentric coordinates (p, 3)."""
+    """Return (m, p), True for points in faces that a layer makes material; points : (p, 3) barycentric coordinates."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]

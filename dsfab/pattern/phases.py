@@ -42,7 +42,8 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, in the first end's sign."""
+        """Growth of the phase (e,), periods, from the first end of an edge to the second, with the sign of g at the
+        first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -62,18 +63,18 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each with the sign of g at its vertex.
 
         They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed.
         The first minimum is over all psi with a common norm, the second over psi of size 1 everywhere, by diffusion and
         normalisation in turns [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
 
-        start : (n,) start of the iteration; a line runs through its peak if nothing else decides.
+        start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
         free  : true to begin without locked vertices, because phases that start from these may meet out of step in
                 between.
-        rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
+        rounds : number of rounds of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -221,7 +222,7 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
     forward = i[edge] == F  # half-edges in the direction of their edge
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # growth in the sign of the starting corner
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # in the sign of g at its start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -285,7 +286,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase as the first face of each vertex sees it: signs 1 and shifts 0 except along seams."""
+    """Return the phase with the value of a vertex from its first face: signs are 1 and shifts 0 except along seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

@@ -28,7 +28,7 @@ class Stripes:
     """Material where p(frequency x + phase) > threshold, p the triangle wave.
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
-    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of a gradient line material.
+    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of each period material.
     Raises PatternError for other values."""
 
     frequency: float

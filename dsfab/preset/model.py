@@ -232,7 +232,7 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family, with frequency 1 if only `spacing` is set, because its frequency needs a mode."""
+        """Stripes of the family; with `spacing` alone the frequency is 1 for now, because it depends on the mode."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 

@@ -149,22 +149,22 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares from -1 (compression) to 1 (tension)."""
+    """Return colours (k, 3) for stresses as shares of the scale's limit, from -1 (compression) to 1 (tension)."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares from 0 to 1."""
+    """Return colours (k, 3) for values as shares of the scale's limit, from 0 to 1."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for shares from -1 to 1 of signed values that are not stress."""
+    """Return colours (k, 3) for values that are not stress, as shares of the scale's limit, from -1 to 1."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
+    """Return colours (k, 3) for values (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # move with the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # in the load's direction
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

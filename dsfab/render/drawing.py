@@ -284,9 +284,9 @@ def _codes(colours: Bytes) -> Ints:
 
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
-    """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` times the stage's radius, or where
-    normals turn. Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi
-    1990)."""
+    """Return line strengths (h, w) 0..1 where normals turn, or depth jumps by more than `jump` times the stage's
+    radius. Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
+    """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture
         columns = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))

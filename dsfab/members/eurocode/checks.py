@@ -237,9 +237,8 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths (m): pi / L sqrt(E
-        I G It).
-        Source: Timoshenko, Gere 1961, 6.1."""
+        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths L (m).
+        It is pi / L sqrt(E I G It). Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 

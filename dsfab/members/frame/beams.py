@@ -19,7 +19,7 @@ SHORT = 1e-3
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift (m), its member, and the member's width over the bay's length."""
+    """A beam: its nodes, local z, width and shift (m), its member, and `stout`, see `Beams`."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -31,7 +31,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 next to grazing members."""
+    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazing members."""
 
     ends: Ints
     normal: Floats

@@ -52,8 +52,7 @@ class Frame:
         o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or of a member and a
-                number.
+    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or a member's with a number.
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
@@ -65,8 +64,8 @@ class Frame:
     combinations : by name, the factor of each case.    actions : permanent, snow, wind or variable by case; {}
                 if unknown.
     eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
-    stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
-                bay, because both form one wider piece there; 0 for links."""
+    stout     : (b,) width of the member divided by the length of the beam's bay; 1 if it grazes a member at an end of
+                the bay, because both form one wider piece there; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]

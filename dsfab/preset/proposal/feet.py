@@ -274,9 +274,9 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 def _valleys(z: Floats, depth: float) -> list[int]:
     """Return the lowest points of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-    Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending
-    order, and
-    each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth` deep."""
+    Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending order,
+    and each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth`
+    deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}

@@ -50,10 +50,10 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
     suffix : suffix of the file, with the dot; some formats need a clearer result for y, see `CLEAR_IN`.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
 
-    Three criteria judge an open surface: its area in plan, its boundary at the bottom minus that at the top, and its
-    stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
-    have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on
-    the ground with a long edge, its axis is z, or y for programs with y up."""
+    Three criteria judge an open surface: its area in plan, the length of its boundary at the bottom minus that at the
+    top, and its stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower
+    or a bowl, have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall
+    stands on the ground with a long edge, its axis is z, or y for programs with y up."""
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
@@ -111,7 +111,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
+    """Return the distance of the centre of mass from the edge of the base, divided by the root of the surface's area.
     V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
@@ -150,7 +150,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : differences from its file."""
+    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : texts about its repairs."""
 
     surface: Surface
     name: str
@@ -282,7 +282,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis, None for None; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
+    """Return the axis, or None if the user gave none; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
     for axis in get_args(Up):
         if axis == up:
             result: Up = axis

@@ -49,7 +49,7 @@ class Sizes:
 
     @property
     def ratio(self) -> int:
-        """Span over thickness."""
+        """Ratio of span to thickness."""
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
