@@ -58,7 +58,7 @@ class MeshFormat(Format):
     sheets       : True if the format can contain an open sheet.
     alternatives : returns alternatives of the part, the best first; `write` chooses the first that passes the check. An
                    ExportError in place of a part means that `write` skips this alternative without a trial.
-    sentence     : returns a sentence about the chosen alternative, from the errors of earlier ones.
+    sentence     : returns a sentence about the chosen alternative; its second argument: errors of the refused ones.
     refusal      : returns the error to raise if all alternatives failed."""
 
     sheets: bool = True
@@ -181,16 +181,16 @@ def write(
 ) -> Path:
     """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
 
-    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires), with the unit if possible.
+    thing   : metres. Files are in millimetres (.glb in metres, as its standard requires).
     name    : name of the part in the file; by default the file's name without suffix.
     step    : options of STEP files, or only the name of the route.
     details : lines, fields and facts, for the formats that contain them.
-    note    : receives a line on the route of a STEP file and the reasons against better routes.
+    note    : receives a sentence on the chosen route of a STEP file, and why better routes failed.
     report  : receives size, seconds, number of triangles or faces, and the error of the volume.
 
     Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (for a sheet
-    the same area) within 0.1 %. Only after this check the file gets its name, in one step. A failure does not change an
-    older file. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
+    the same area) within 0.1 %. The file gets its name only after this check. After a failure an older file is
+    unchanged. Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines,
     a shape that the format cannot contain, too many faces for STEP, no permission or space, a file that reads back
     different."""
     begin, path = time.perf_counter(), Path(path)
@@ -218,7 +218,7 @@ def write(
 def step_estimates(
     thing: Solid | Surface, *, name: str = "part", step: StepOptions | Route = "auto", details: Details | None = None
 ) -> tuple[Estimate, ...]:
-    """Estimate the cost of each route to a STEP file of a solid, without a file; keywords as in `write`."""
+    """Estimate the cost of each route to a STEP file of a solid without writing the file; keywords as in `write`."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP needs a closed solid, but {name!r} is an open sheet; thicken it first")

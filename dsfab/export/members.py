@@ -19,7 +19,7 @@ LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
 @dataclass(frozen=True)
 class MemberFacts:
     """Facts of a member: lengths in mm, areas in mm2, names of its nodes.
-    own_area     : area of the member without the parts that crossing members include in their own areas.
+    own_area     : area of the member, without overlaps with crossing members whose area includes the overlap.
     counted_with : names of these crossing members."""
 
     member: "Member"
@@ -32,7 +32,7 @@ class MemberFacts:
 
     @property
     def words(self) -> dict[str, str]:
-        """Texts by name, for an object of a drawing program."""
+        """Facts as texts by name, for the attributes of an object in a CAD file."""
         facts = {key: str(getattr(self.member, key)) for key in ("kind", "family", "stripe")}
         facts = {key: text for key, text in facts.items() if text}
         facts |= {"length_mm": f"{self.length:.1f}", "width_mm": f"{self.width:.1f}"}

@@ -30,11 +30,11 @@ NO_PAIRS.setflags(write=False)
 class DividedSheet(NamedTuple):
     """A sheet divided into charts.
 
-    V, F      : (n', 3) vertices and (m', 3) faces, metres; pieces share no vertices.
+    V, F      : (n', 3) vertices and (m', 3) faces, metres; separate pieces of the sheet share no vertices.
     D         : (n', 3) half-thickness vectors, metres.
-    chart     : (m',) chart of each face.
-    half_edge : (k,) half-edges of the boundary, numbered 3 face + corner.
-    family    : (k,) number of the field that ends at each half-edge; -1 at the boundary of the uncut surface."""
+    chart     : (m',) number of the chart of each face.
+    half_edge : (k,) half-edges on the boundary of the sheet, numbered 3 face + corner.
+    family    : (k,) number of the field that cut the sheet at a half-edge; -1 on the boundary of the uncut surface."""
 
     V: Floats
     F: Ints
@@ -45,13 +45,12 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along all edges of its stripes, also along edges below other stripes.
+    """A sheet divided along the edges of all its stripes, also where an edge is covered by another stripe.
 
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of the sheet's vertices on the vertices of the uncut surface.
-    label   : (m,) equal for cells of the same stripes.    loose : (m,) True for cells outside of all stripes.
-    seam    : (k, 2) pairs of half-edges at one place and in one direction, on both sides of the cut of a one-sided
-              surface."""
+    label   : (m,) number of the set of stripes that cover a cell.    loose : (m,) True for cells outside stripes.
+    seam    : (k, 2) pairs of coincident half-edges with the same direction, at the cut through a one-sided surface."""
 
     F: Ints
     weights: csr_array
@@ -69,7 +68,7 @@ class Curved:
     shift : offset of the sheet's middle from the surface as a multiple of D: 0, 1 or -1.
     divided : divides the sheet by fields (n, c) on the uncut surface: chart k is the part where field k is largest.
     striped : divides the sheet along its stripes; None if the stripes are unknown.
-    twins : (k, 2) pairs of vertices at one place with opposite D, on both sides of the cut of a one-sided surface."""
+    twins : (k, 2) pairs of coincident vertices with opposite D, at the cut through a one-sided surface."""
 
     V: Floats
     F: Ints
@@ -126,11 +125,11 @@ class Details:
     """Content of a file besides its mesh; each format uses the parts that it can contain.
 
     lines     : edges and centre lines, metres.
-    tolerance : largest error of the content (m): of the `lines`, or of curves through exact `lines`.
+    tolerance : largest error (m) of `lines`; if `lines` are exact, of the smooth curves in the file.
     values    : values at the vertices (n, ...) or in the faces (m, ...) of the mesh, by name with SI unit.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, as far as known.
-    frame     : the beam model of the members; the `facts` of a beam model compare it with the sheet.
+    frame     : the beam model of the members; `facts` then compare the results of the model with those of the sheet.
     section_forces : section forces by case and combination, in the faces of `sheet` (metres).
     member_forces  : forces by member.    utilisation : utilisation of the members.
     description    : text about the whole part.
@@ -176,10 +175,11 @@ class Details:
 class StepOptions:
     """Options of a STEP file.
 
-    route     : planar, for flat or folded sheets: lines and splines along the outline; members, for curved sheets:
-                untrimmed four-sided patches, which CAD programs cut and measure well; smooth or compact: few skins and
-                ruled walls, the smallest file, which CAD programs often fail to cut; faceted: planar faces only; auto:
-                the first that suits the solid and passes the check; tessellated: triangles for viewers, never by auto.
+    route     : "planar"       lines and splines along the outline, for flat or folded sheets;
+                "members"      untrimmed four-sided patches, for curved sheets; CAD programs cut and measure them well;
+                "smooth"       or "compact": few skins and ruled walls; CAD programs often fail to cut this small file;
+                "faceted"      planar faces only;    "tessellated"  triangles, for viewers only;
+                "auto"         the first of these that suits the solid and passes the check, but not "tessellated".
     faces     : largest number of planar faces; coplanar triangles count as one face.
     tolerance : largest error of curves along the outline (m); 0 means a fortieth of the thickness. A faceted solid is
                 simplified within this tolerance, or for 0 only if all other routes fail.
@@ -212,9 +212,9 @@ class Part:
     note       : text about earlier changes of the mesh.
     simpler    : True if earlier changes removed triangles of the solid.
     curved     : returns the sheet for smooth STEP; None if only the solid is known.
-    cut        : True to try one cut of a smooth file with OCCT, unless the cut takes long.
-    hurry      : limit of the effort for smooth STEP if the user did not choose the route, otherwise 0. It limits the
-                 number of layouts, the walls (as a multiple of a quick number), and the faces by members."""
+    cut        : True to test a smooth file by a trial cut with OCCT, unless this cut would take long.
+    hurry      : 0 if the user chose the route of smooth STEP, or 1 or more. A number above 0 limits the effort: the
+                 layouts to try, and the numbers of walls and faces, as multiples of numbers that are quick."""
 
     V: Floats
     F: Ints
@@ -273,9 +273,9 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
-    """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
-    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` names the rounding in
-    the message. Raises ExportError if the contracted solid is open, differs in volume by over 0.1 %, or has no face."""
+    """Return the part with rounded vertices V (n, 3), after contraction of edges that rounding has shortened to zero.
+    Readers merge equal points and keep collapsed triangles, which STEP cannot contain. `holding` is the text for the
+    rounding in the message. Raises ExportError if the new solid is open, empty, or differs in volume by over 0.1 %."""
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):

@@ -18,7 +18,7 @@ NUMBERS_READ_BACK = 1e-9
 
 @dataclass(frozen=True)
 class ReadBack:
-    """Content of a file according to a reader: the number of `what`, and the relative error of a measure (or NaN).
+    """Content that a reader finds in a file: the count of `what` (faces, say), the relative error of a measure or NaN.
     measure : volume of a solid, area of a sheet, length of lines."""
 
     count: int

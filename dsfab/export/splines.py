@@ -26,7 +26,7 @@ class Spline:
         """Return points (k, d) at parameters x (k,)."""
         from scipy.interpolate import BSpline
 
-        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times faster
+        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # faster than BSpline()
 
 
 def segment_spline(a: Floats, b: Floats) -> Spline:
@@ -80,9 +80,8 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """Return values (4, k) of cubic basis functions at x (k,) in spans from knots[span], and shares (3, k) [de
-    Boor 1978].
-    A basis function r of a degree combines functions r and r - 1 of the degree below; the shares are the factors."""
+    """Return values (4, k) of the nonzero cubic basis functions at x (k,), each x between knots[span] and the next
+    knot. The second result (3, k), values of degree 2 over their supports' widths, gives the slopes [de Boor 1978]."""
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
     values = shares = np.ones((1, len(x)))
@@ -100,7 +99,7 @@ class LeastSquares:
     """Normal equations of least-squares cubics along several curves, with fixed poles.
     Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
     values : (4, k) nonzero basis functions at each sample.    first : (k,) number of the first of these functions.
-    factor : (4, n) banded Cholesky factor of their products; rows of fixed poles are the identity.
+    factor : (4, n) banded Cholesky factor of the normal matrix, with rows of the identity for fixed poles.
     held   : numbers of the fixed poles."""
 
     values: Floats
@@ -110,8 +109,8 @@ class LeastSquares:
 
     @classmethod
     def from_hats(cls, values: Floats, first_hats: Ints, first_poles: Ints, n: int, fixed_poles: Ints) -> Self:
-        """Factor the equations of basis functions `values` (4, k), the first of each four at `first_hats` (k,) among n.
-        first_poles : (r,) the first pole of each curve.    fixed_poles : numbers of the fixed poles."""
+        """Factor the normal matrix (n, n) of basis functions at k samples; `first_hats` are the `first` of the class.
+        first_poles : (r,) number of the first pole of each curve."""
         factor, failed = dpbtrf(_band(values, first_hats, first_poles, fixed_poles, n), lower=1)
         if failed:
             raise np.linalg.LinAlgError(f"the spline fit is singular at pole {failed}")
@@ -136,7 +135,7 @@ class LeastSquares:
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """Return the poles (n, d) nearest to samples Q (k, d); start (n, d) contains the fixed poles, else 0."""
+        """Return the least-squares poles (n, d) for samples Q (k, d). start : (n, d) the fixed poles, else 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True
@@ -156,16 +155,16 @@ def _band(values: Floats, first_hats: Ints, first_poles: Ints, fixed_poles: Ints
     band[0] += np.repeat(1e-12 * np.add.reduceat(band[0], first_poles) / (size - 2), size)
     band[0, fixed_poles] = 1.0
     for below in range(1, 4):
-        # entries before the first pole belong to the last pole, and are not used
+        # a negative index sets entries at the end of the row, which LAPACK does not read
         band[below, fixed_poles] = band[below, fixed_poles - below] = 0.0
     return band
 
 
 @dataclass(frozen=True, eq=False)
 class SplineRows:
-    """Samples of several curves, one after the other; a row is a curve.
-    number : (r,) number of each curve.    count, first, last : (r,) its number of samples, its first and last sample.
-    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) of each curve."""
+    """Samples of several curves, one curve after the other; r counts the curves, k the samples.
+    number : (r,) number of the curve.    count, first, last : (r,) number of its samples; its first and last sample.
+    row    : (k,) curve of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,) metres."""
 
     number: Ints
     count: Ints
@@ -181,7 +180,7 @@ class SplineRows:
     def from_counts(
         cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int
     ) -> "SplineRows":
-        """Return rows of count (r,) points each, from x (k,) and Q (k, d), with tolerances (r,)."""
+        """Return the samples of r curves: `count` (r,) samples of each curve, and x (k,), Q (k, d) in sequence."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
@@ -199,7 +198,7 @@ class SplineRows:
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def distances(self, points: Floats) -> Floats:
-        """Return the largest distance (k,) of each sample's points from points (k, d)."""
+        """Return the distance (k,) of each sample from `points` (k, d); with several parts, the largest distance."""
         offset = (points - self.Q).reshape(len(points), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", offset, offset).max(axis=0)))
 
@@ -210,7 +209,7 @@ class SplineRows:
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """Spans of rows: ends of the spans `low` and `high` (s,), their rows (s,), and the span of each sample (k,)."""
+    """Spans between knots `low` and `high` (s,); row : (s,) curve of each span; of : (k,) span of each sample."""
 
     low: Floats
     high: Floats
@@ -231,7 +230,7 @@ class RowSpans:
         return knots
 
     def with_halves(self, bad: Bools, unfinished: Bools, rows: SplineRows) -> "RowSpans":
-        """Return the spans of unfinished rows (r,), with the bad spans (s,) halved."""
+        """Return the spans of unfinished curves (r,), with the inaccurate spans (s,) halved."""
         stays = unfinished[self.row]
         low, high, two = self.low[stays], self.high[stays], bad[stays]
         row = (np.cumsum(unfinished) - 1)[self.row[stays]]
@@ -255,9 +254,9 @@ def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
     """Fit lines, parabolas or cubics with few spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
-    x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. parts :
-    number of points in the d coordinates; the distance of each is measured separately. The result includes the largest
-    distance, which exceeds the tolerance if the samples are too few for more spans."""
+    x rises from 0 to 1, and d is equal for all curves. A curve begins at its first point and ends at its last. A row of
+    Q can join the coordinates of several points: `parts` is their number, and each point must keep the tolerance. The
+    result includes the largest distance, which exceeds the tolerance if samples are too few for more spans."""
     fits = dict[int, Fitted]()
     for batch in _batches([len(x) for x, _ in samples]):
         x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in batch), strict=True))

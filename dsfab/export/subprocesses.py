@@ -50,7 +50,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def work_while_waiting(work: Callable[[], None]) -> Iterator[None]:
-    """Run `work` once inside this context: while the first program runs, or at the end; not after an exception."""
+    """Do `work` once: while the first program in this context runs, or else at the end. After an exception, skip it."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -139,7 +139,7 @@ def _limit_time(run: "subprocess.Popen[str]", seconds: float) -> float:
     with suppress(OSError):  # the program has ended, or the system forbids the limit
         resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
         _, system_limit = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        grace = 5  # a program gets 5 s of processor time after the signal that it can handle
+        grace = 5  # seconds between the first signal, which a program can handle, and its end
         hard_limit = soft_limit + grace
         if system_limit != resource.RLIM_INFINITY:
             hard_limit = min(hard_limit, system_limit)

@@ -90,7 +90,7 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that ended processes left in a folder; once per folder, which may contain thousands of files."""
+    """Remove files that ended processes left in a folder, only once per folder, because large folders take long."""
     for path in abandoned_paths(folder):
         if path.is_file():
             remove(path)
@@ -214,7 +214,7 @@ Outdated = Callable[[Path, Path], set[str]]
 @contextmanager
 def atomic_folder(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
     """Yield a temporary folder whose files move into `folder` at the end; a failure does not change `folder`.
-    outdated : selects old files to remove; by default the files in the old manifest if there is a new manifest.
+    outdated : selects old files to remove; by default those in the old manifest, if the new files include a manifest.
     Raises ExportError if the folder cannot be written."""
     target = Path(os.path.realpath(folder))  # a link stays a link; its target changes
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
@@ -347,7 +347,7 @@ def _link(target: Path, partial: Path, user_names: set[str]) -> bool:
 
 
 def _rescue(old_folder: Path, target: Path, user_names: set[str], old_names: set[str]) -> None:
-    """Move files back that the user saved during the exchange."""
+    """Move files that the user saved during the exchange from the old folder to the new one."""
     for path in old_folder.iterdir():
         new_path = target / path.name
         replaced = path.name in user_names and new_path.exists() and not path.samefile(new_path)

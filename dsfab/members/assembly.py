@@ -23,7 +23,7 @@ spread in the first. The nearest to the centre is farther from it than HOLLOW ti
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
-    """Return the order (k,) of members on a structure of a size (m), from their centroids (k, 3) and lengths (k,), m.
+    """Return the order (k,) of members along a structure of a `size`, from centroids (k, 3) and lengths (k,), metres.
 
     A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
     of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the
@@ -56,7 +56,7 @@ def _pointing(axes: Floats) -> Floats:
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """Return ranks (k,) of values (k,), equal for neighbouring values without a gap between them."""
+    """Return ranks (k,) of values (k,); sorted values share a rank unless they differ by more than `gap`."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -128,8 +128,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    The weight of each face is the cross product of its two edges over their squared lengths. Area-weighted normals have
-    an error of first order where edges differ in length, and members would twist by this error."""
+    The sum at a vertex is over cross products of a face's two edges, divided by their squared lengths. Area-weighted
+    normals have an error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):
         corner_points, side_a, side_b = (surface.V[surface.F[:, (corner + k) % 3]] for k in range(3))

@@ -71,9 +71,9 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the lines, the longest first, on which the offset (m, 3) of field k at cell corners is 0, for each stripe.
+    """Return the middle lines of each stripe of field k, the longest first: the lines where its offset (m, 3) is 0.
     normals : (n, 3) unit normals at the vertices of the overlay.
-    An offset is never exactly 0. Its signs at an edge agree in both cells, or both are opposite."""
+    An offset is never exactly 0. At both ends of an edge, its two cells have equal signs, or opposite signs."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
     crossed = sign * np.roll(sign, -1, axis=1) < 0
@@ -100,7 +100,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return positions (c, 2) of zeros of offsets (c, 3) on sides (c, 2); 0 is the vertex with the lower number."""
+    """Return the points (c, 2) on sides (c, 2) with offset 0, as parameters from 0 at the lower vertex number to 1."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -109,14 +109,14 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Return the first line, the longest, and all lines that are not too short."""
+    """Return the longest line, which is the first, and all other lines longer than `SPECK` times the width."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
-    Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
-    dropped, because around the end of a kept support the line runs at right angles to the rim."""
+    The angle of a turn is measured over 1.5 times the member's `width`, or one mean `edge` if longer (m). Short parts
+    at the ends are dropped, because around the end of a kept support the line runs at right angles to the rim."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -149,7 +149,7 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """Return angles (k,), radians, by which a line turns in the surface within half a window of arc lengths x (k,)."""
+    """Return angles (k,), radians, by which a line turns in the surface over a window around arc lengths x (k,)."""
     columns = ([np.interp(x, line.s, column) for column in y.T] for y in (line.points, line.normals))
     points, normals = (np.stack(column, axis=1) for column in columns)
     turn = _turning(np.diff(points, axis=0), normals, line.closed)
@@ -161,7 +161,7 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Return angles (radians) between the steps (k - 1, 3) of a line, in the planes across its normals (k, 3).
+    """Return angles (radians) between the steps (k - 1, 3) of a line, in the tangent planes with normals (k, 3).
     The result is (k - 2,) at the inner points, or (k - 1,) for a closed line."""
     a, b = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
@@ -199,7 +199,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the mesh line up to each station.    strayed : largest distance between axis and line."""
+    traced  : (k,) length of the line on the mesh up to each station.    strayed : largest distance of axis and line."""
 
     s: Floats
     P: Floats
@@ -271,7 +271,7 @@ def _axis_with_knots(line: MiddleLine, step: float) -> MemberAxis:
 
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
-    """Return a penalised spline through values y (q, d) at x (q,), from 0 to spans x step, with knots a step apart."""
+    """Return a smoothing spline through values y (q, d) at x (q,), with `spans` spans of the length `step` from 0."""
     degree, penalty = 3, 1e-3  # the penalty is the weight of third differences
     t = step * np.arange(-degree, spans + degree + 1)
     design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))

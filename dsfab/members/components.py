@@ -30,7 +30,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """Return a band for each field that cut the sheet from `surface`, in the order of the fields."""
+    """Return a band for each field of the pattern, in the order of the fields; the sheet was cut along these bands."""
     bands = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -59,10 +59,10 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the band of kept material from values at the vertices, and its shape.
-    The shape is "reach" around a place (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
+    """Return the shape and the band of kept material, from values x at the vertices of the sheet.
+    Shapes: "reach" around a place, x (n,); "plate" in a whole region, x (n,); "band" along its outline, x (n, 2)."""
     zero = np.zeros(1)
-    if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
+    if x.ndim == 2:  # column 0 is positive in the region; column 1 at its outline is minus the width
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -86,7 +86,7 @@ class Component:
     stripe : number of the stripe of most of its cells; 0 without a stripe.
     cells  : (c,) cells of the overlay, ascending.    core : (c,) True for cells that define its width, without fillets.
     line   : middle line, or None.    field : number of the pattern's field; -1 for none.
-    group  : number of the connected stripe, in the overlay, that it is a part of; -1 for none."""
+    group  : number of the overlay's stripe to which the cells belong; -1 for none."""
 
     kind: str
     family: str
@@ -111,8 +111,8 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be
-    in none.
+    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be in
+    none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -131,7 +131,7 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of the stripes of a field.
-    If the middle is outside of the sheet, as for half a stripe along its edge, the line runs at the mean offset."""
+    If a stripe lacks its middle, such as half a stripe at the sheet's edge, its line runs at its cells' mean offset."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -150,9 +150,8 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Return True for connected cells (c,) beside the middle of their band that are shorter than the band's width.
-    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; their axis is
-    meaningless."""
+    """Return True for connected cells (c,) on one side of their band's middle that are shorter than the band is wide.
+    Cutting and fairing leave such pieces of a few millimetres at vertices. An axis through them has no meaning."""
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
         return False
@@ -170,7 +169,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 
 def roundness(overlay: Overlay) -> Floats:
-    """Return 4 pi area / outline^2 of each stripe (k,): 1 for a disc."""
+    """Return 4 pi area / (length of the outline)^2 of each stripe (k,): 1 for a disc."""
     surface, result = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
     f, g = overlay.adjacent_cells.T
@@ -241,8 +240,8 @@ def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
 
 class CellsByStripes(NamedTuple):
     """Cells labelled by their stripes.
-    sheet : m cells, also divided along hidden edges.    label : (m,) equal for cells of the same stripes.
-    loose : (m,) True for cells outside of all stripes."""
+    sheet : m cells, also divided along hidden edges of stripes.    loose : (m,) True for cells outside of all stripes.
+    label : (m,) number of the set of stripes that cover a cell."""
 
     sheet: Sheet
     label: Ints
@@ -265,7 +264,7 @@ def cells_by_stripes(surface: Surface, sheet: Sheet, pattern: PatternResult) -> 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> CellsByStripes:
     """Give connected loose cells the label of their neighbours, if all neighbours have the same label.
-    Such loose cells are left by the fairing of walls."""
+    Fairing of walls moves the edges of stripes, and so leaves narrow cells outside of all stripes."""
     f, g = sheet.surface.edges.pairs.T // 3
     both_loose = loose[f] & loose[g]
     count, part = link_components(len(label), f[both_loose], g[both_loose])

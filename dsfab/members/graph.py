@@ -33,7 +33,7 @@ class SharedPatch(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class _SharedCells:
-    """Cells (c,) that fields `one` and `two` share, the members a and b of each cell (c,), and its patch (c,)."""
+    """Cells (c,) in both fields `one` and `two`, with their members a and b (c,), and their patch number (c,)."""
 
     one: int
     two: int
@@ -85,7 +85,7 @@ def _patches(overlay: Overlay, shared: _SharedCells) -> list[SharedPatch]:
 
 
 def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
-    """Return rows (q,) of the shared cells in which both middle lines cross, and the points (q, 3) of the crossings."""
+    """Return the rows (q,) of shared cells in which the middle lines cross, and the points (q, 3) of crossing."""
     surface, cells = overlay.sheet.surface, shared.cells
     offset_a, offset_b = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(offset_a) * np.roll(np.sign(offset_a), -1, axis=1) < 0
@@ -104,9 +104,9 @@ def _crossings(overlay: Overlay, shared: _SharedCells) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """Return the ends of two sides (q, 2) of cells F (q, 3) by corners (q, 2), lower vertex number first, and
-    shares (q, 2).
-    At these shares between the ends offsets (q, 3) are 0; both cells at an edge give equal shares."""
+    """Return the points on two sides (q, 2) of cells F (q, 3) where `offset` (q, 3), linear on each side, is 0.
+    The results (q, 2) are the corners at both ends of a side, the lower vertex number first, and the point's position
+    from 0 to 1 between them. Both cells at an edge thus give the same point."""
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -127,7 +127,7 @@ class Member:
     kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
              kept places; plate and fill without an axis.
     family : family of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
-    stripe : number in the phase of the family, for most of its cells.    part : 1, 2, ... of one stripe.
+    stripe : number of the stripe of most of its cells.    part : 1, 2, ... among the members of this stripe.
     cells  : (c,) cells of the graph's sheet, including cells below other members.
     area   : area of these cells, square metres.
     axis   : along its middle, or None.
@@ -311,7 +311,7 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """Return ends (k, 3) of lines inside the material shared with another member, and the cell (k,) of each end.
+        """Return ends (k, 3) of middle lines inside material shared with another member, and the cell (k,) of each end.
         At such an end the members meet, as two edges of a surface do at its corner."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
@@ -367,8 +367,8 @@ def _angle(a: Floats, b: Floats) -> float:
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
-    """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that continues
-    the end, "edge" of the surface, or "free".
+    """Return the members with the names of both ends: the last node if it is near enough (`ENDS`), else the member that
+    continues the end, else "edge" at an edge of the surface, else "free".
     owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}

@@ -85,7 +85,7 @@ middle of the material, so that both meet."""
 
 
 def without_followers(overlay: Overlay, components: list[Component]) -> list[Component]:
-    """Return the components; where a strip runs along another component, the cells change to that component."""
+    """Return the components without strips along kept material; a strip's cells go to the component that hides it."""
     areas, made_by = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, components)
     is_kept = np.array([c.kind != "strip" and c.field >= 0 for c in components], dtype=bool)
@@ -111,9 +111,8 @@ def without_followers(overlay: Overlay, components: list[Component]) -> list[Com
 
 
 def _hidden_parts(line: MiddleLine, width: Floats, own_width: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """Return a line, with free ends if it was closed, and the first and last points of its parts inside kept material.
-    width : (k - 1,) width (m) of the material that hides each segment, or 0.    own_width : width of the line's member.
-    """
+    """Return the line, opened if closed, and the first and last points of its parts that run inside kept material.
+    width : (k - 1,) of the material (m) that hides each segment, or 0.    own_width : width of the line's member."""
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened_at(int(bare[0])), np.roll(width, -int(bare[0]))
     last_point, gone = len(line.points) - 1, []

@@ -19,8 +19,8 @@ ALONG = 0.3
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
-    """Return vertices (n,) of the boundary along which stripes run, for gradients along g (n, 3).
-    shortest : metres; shorter parts of the boundary do not count, for example across the corner of a plate."""
+    """Return vertices (n,) at which stripes run along the boundary; g : (n, 3) unit gradients of the stripes' phase.
+    shortest : metres; shorter runs of such vertices do not count, for example across the corner of a plate."""
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
     moment = np.zeros((surface.n, 3, 3))
@@ -39,9 +39,9 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
 
 
 def family_crossings(frames: Frames, along: Floats) -> Bools:
-    """Return vertices (n,) where the second family continues in the direction along (n, 3), a unit tangent up to sign.
+    """Return vertices (n,) where the direction `along` (n, 3), a unit tangent up to sign, belongs to the second family.
     In a region the direction rotates by less than 45 degrees from vertex to vertex. The families keep their names in
-    the largest region, and exchange them in its neighbours. A curve that ends inside the surface bounds no region."""
+    the largest region, and exchange them at each border. A curve that ends inside the surface bounds no region."""
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
     turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
@@ -53,12 +53,12 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     is_border = region_i != region_j
     border = coo_array((metres[is_border], (region_i[is_border], region_j[is_border])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
-    border.data = -border.data  # families continue across the longest borders
+    border.data = -border.data  # the tree joins regions across the longest borders
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # smaller differences are rounding errors
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # without rounding errors
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -75,7 +75,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _cut_edges(surface: Surface, singular: Bools) -> Bools:
-    """Return edges (e,) that a tree of paths over faces crosses between singular faces (m,) and boundaries."""
+    """Return edges (e,) to cut: those that a tree of paths between singular faces (m,) and boundaries crosses."""
     edges = surface.edges
     is_cut = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -106,7 +106,7 @@ def _cut_edges(surface: Surface, singular: Bools) -> Bools:
 
 
 def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools) -> list[int]:
-    """Return the edges between a face and the start of its path: a singular face, or the boundary, which it crosses."""
+    """Return the edges that a path crosses from a face to its start: a singular face, or the boundary, also crossed."""
     edges, path_edges = surface.edges, []
     while predecessor[face] >= 0:
         path_edges.append(int(np.intersect1d(edges.of[face], edges.of[predecessor[face]])[0]))
@@ -117,7 +117,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return the possible ends (m,) of paths: a number for each singular face and for each boundary; 0 elsewhere."""
+    """Return the number (m,) of the singular face or boundary in which a path may end in a face; 0 elsewhere."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -141,7 +141,7 @@ def _propagated_signs(surface: Surface, against: Bools, crossed: Bools) -> Float
 
 
 def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
-    """Return products (k,) of the signs of links along paths of a search; each round halves the paths."""
+    """Return products (k,) of the signs of links along the paths from a search's first vertex, by pointer doubling."""
     parent = predecessor[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(predecessor), dtype=np.int64)
@@ -153,7 +153,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an unstressed surface.
+FLOOR = 1e-6
 """Least weight of the stress, so that the field is unique on an unstressed surface."""
 
 
@@ -167,7 +167,7 @@ class StressDirections:
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """Return D / (D + 0.3 reference) (m,), 0 to 1: D is the difference of the stresses, the reference their RMS.
+        """Return D / (D + 0.3 r) (m,), 0 to 1, where D is the difference of the principal stresses, and r their RMS.
         Raises PatternError if the stress is zero."""
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
@@ -201,7 +201,7 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # these vertices have no face
     x = frames.twisted_factors.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    # a smaller number is a rounding error, as at the pole of a symmetric mesh: an edge gives the direction instead
+    # smaller numbers are rounding errors, such as at the pole of a symmetric mesh; an edge gives the direction there
     angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _first_edge_angles(frames))
     return frames.direction(angle)
 

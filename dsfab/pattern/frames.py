@@ -21,14 +21,14 @@ Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their common pattern."""
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their sparse pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, SamePatternFactors(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """Return b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
-        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges with a conjugate; by default none."""
+        """Return the solver b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
+        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges that couple with a conjugate."""
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
         if len(across) > FEW:
@@ -42,8 +42,7 @@ class TwistedFactors:
         return _corrected_solver(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """Return the solver of a matrix with coupling (e,) from each edge's second end to the first, and diagonal
-        (n,)."""
+        """Return the solver of a Hermitian matrix with `coupling` (e,) between ends of edges, and `diagonal` (n,)."""
         solve: Any = self._one_pattern.factor(
             self._complex_pattern.matrix(np.concatenate([coupling, coupling.conj(), diagonal]))
         )
@@ -59,7 +58,7 @@ class TwistedFactors:
         return _EntryPositions(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _real_factor(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """Return the factor of the real matrix, with both parts of a number side by side: solvers use blocks of two."""
+        """Return the solver of the real matrix (2 n, 2 n), with real and imaginary part of a number side by side."""
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real_pattern
@@ -92,8 +91,8 @@ class _EntryPositions:
 
 
 def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """Return b -> x with H x - W conj(x) = b by `solve` for H alone; W (n, s) couples conjugates at vertices (s,).
-    x = H^-1 b + Z conj(x) with Z = H^-1 W: at these vertices 2 s real equations."""
+    """Return the solver b -> x of H x - W conj(x) = b from that of H; W (n, s) acts on conjugates at vertices (s,).
+    With Z = H^-1 W, x = H^-1 b + Z conj(x): first 2 s real equations for x at these vertices, then x everywhere."""
     Z = solve(W)
     Z_across, identity = Z[across], np.eye(len(across))
     inverse = np.linalg.inv(
@@ -102,7 +101,7 @@ def _corrected_solver(solve: Solve, across: Ints, W: Complexes) -> Solve:
 
     def solve_corrected(b: Complexes) -> Complexes:
         x = solve(b)
-        with one_blas_thread():  # with few columns two threads took a hundred times as long
+        with one_blas_thread():  # for few columns two threads need a hundred times as long as one
             real, imaginary = np.split(inverse @ np.concatenate([x[across].real, x[across].imag]), 2)
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
@@ -122,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames whose first axis is that of x or y away from the normal; no result depends on that choice."""
+        """Return frames with t1 along the projected x axis, or y if the normal is near x; no result depends on this."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -146,7 +145,7 @@ class Frames:
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
         """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point to one side, -1 if one of them is reversed.
-        If they are perpendicular, the surface's sense of rotation decides, because rounding depends on coordinates."""
+        For perpendicular tangents the orientation of the surface decides, and not rounding errors."""
         turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
@@ -155,7 +154,7 @@ class Frames:
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
     def coupling(self, turn: Floats) -> Complexes:
-        """Return w e^{i turn} (e,), the coupling of the numbers at both ends of edges, one rotated by `turn` (e,)."""
+        """Return w e^{i turn} (e,), which couples the numbers at an edge's ends after a rotation by `turn` (e,)."""
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
@@ -170,14 +169,14 @@ def dots(a: Floats, b: Floats) -> Floats:
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """Return sums (n,) over the corners of values x (m, 3) at the corners of faces."""
+    """Return the sum (n,) at each vertex of values x (m, 3) at the corners of its faces."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 
 def _cotangents(surface: Surface) -> Floats:
     g = hat_gradients(surface)
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
-    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # of the edge opposite corner c
+    opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # half cotangent at corner c
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
     # the negative weights of obtuse triangles would reverse phases
     return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

@@ -23,11 +23,11 @@ class GuideError(PatternError, ValueError):
 
 @dataclass(frozen=True)
 class Guide:
-    """A curve, or a direction in a region, that stripes follow by its weight.
+    """A curve, or a direction in a region, that stripes follow more closely the larger its weight.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : metres to both sides of the curve, straight through space, at which its weight falls to 0; by default
-                the smaller spacing of the stripes.
+    reach     : distance (m) from the curve, straight through space, at which its weight falls to 0; by default the
+                smaller spacing of the stripes.
     at        : the region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : the family whose stripes run along the guide; stripes of the second family run across it.
@@ -75,15 +75,15 @@ class Guidance:
 
     @classmethod
     def from_guides(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Return the guidance of each guide with a weight.
+        """Return the guidance of each guide whose weight is not 0.
         spacing : default reach of curves, metres. Raises PatternError for a guide without an effect."""
         squares = [(guide, _guide_squares(frames, k, guide, spacing)) for k, guide in enumerate(guides)]
         weighted = [guide.pull * square * (1 if guide.family == "major" else -1) for guide, square in squares]
         return tuple(cls(np.abs(square), square) for square in weighted if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """Return symmetric tensors (n, 3, 3) in space, of trace 0, which are comparable between distant vertices.
-        Their size is 1 for a guide that overrules stress, because doubling its weight then changes the field little."""
+        """Return symmetric tensors (n, 3, 3) in space, of trace 0, so that guides at distant vertices can be compared.
+        Their size is w / (1 + w) for the weight w, because beyond w = 100 the field hardly changes."""
         e1, e2 = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = e1.transpose(0, 2, 1), e2.transpose(0, 2, 1)
         strength = self.square / (1 + self.weight)
@@ -92,7 +92,7 @@ class Guidance:
 
 
 def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """Return the square of a guide's direction in the frames (n,), complex, at most 1 in size; 0 beyond its reach."""
+    """Return squares (n,) of a guide's direction, complex numbers in the frames of size 0 to 1; 0 beyond its reach."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -113,8 +113,8 @@ def _guide_squares(frames: Frames, number: int, guide: Guide, spacing: float) ->
 
 
 def _curve_squares(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
-    A further piece counts if its distance exceeds that of the nearest piece by less than a tenth of the reach."""
+    """Return the squares (n,) of the direction of the curve's nearest piece, complex; their size falls to 0 at the
+    reach. Pieces that are farther than the nearest by less than a tenth of the reach count too, with less weight."""
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
@@ -142,11 +142,11 @@ def _too_far_error(surface: Surface, number: int, nearest: float, reach: float) 
 
 
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
-    """Return a direction (3,) in the frames at vertices (r,), complex; shorter if it leaves the surface."""
+    """Return the tangential part of a unit direction (3,) as complex numbers (r,) in the frames at vertices `rows`."""
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-ON_EDGE = 1e-9  # A point is on an edge of a face if the share of the third corner is smaller.
+ON_EDGE = 1e-9  # A point is on an edge of a face if its barycentric weight of the third corner is less than this.
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,14 +194,14 @@ class GuideLine:
         return vertices, phase - np.rint(phase)
 
     def followed_share(self, surface: Surface, phase: CornerPhase, step: int) -> float:
-        """Return the share of the curve within 5 % of a spacing of a centre line; every `step`-th line exists."""
+        """Return the share of the curve's points within 5 % of a period of a centre line, a multiple of `step`."""
         F = surface.F[self.faces]
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], _barycentric(surface.V[F], self.points))
         distance = np.abs(z - step * np.rint(z / step))
         return float(((distance < 0.05) & ~phase.singular[self.faces]).mean())
 
     def runs_across(self, directions: Floats) -> bool:
-        """Return whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
+        """Return True if the curve runs mostly across unit vectors `directions` (m, 3) on the faces."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
@@ -216,7 +216,7 @@ def guide_phases(lines: Sequence[GuideLine], frames: Frames, g: Floats, density:
 
 
 def _points_on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    step = surface.mean_edge / 8  # such steps miss few faces, and only at corners
+    step = surface.mean_edge / 8  # with such steps a curve skips few faces, and only near their corners
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)

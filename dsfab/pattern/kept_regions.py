@@ -12,8 +12,8 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01  # Largest error of a region's edge by linear distances on faces, as a share of its reach.
-"""Largest error of a region's edge by linear distances on faces, as a share of its reach."""
+EVEN = 0.01
+"""Largest error of a region's outline, divided by its reach, because distances are linear on the faces."""
 SNAP = 0.05
 """The usual `slicing.snap`: a cut moves a vertex onto the edge of a region if it is nearer than this share of the
 growth of the distance along one of its edges. dsfab halves these edges if that exceeds twice `EVEN`."""
@@ -39,12 +39,11 @@ middle. Otherwise the edge of the region would pass close by the new vertex."""
 def curve_fields(
     surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
 ) -> list[Floats | DividedField]:
-    """Return, for each region, minus the distance (n,) from its origins along the surface, metres, to cut at minus its
-    reach.
+    """Return the field (n,) of each region: minus the distance along the surface from its origins, metres.
 
-    The edge of a region divides faces where the distance is not linear. All fields share one division, after at most
-    `rounds` of halving and `most_parts` additional parts. Beyond the reach and the longest edge, values are bounds: too
-    low, and finite."""
+    A region's outline is where its field is minus its reach. Faces at the outline are halved where the distance is not
+    linear. All fields share the divided surface, after at most `rounds` of halving and `most_parts` additional faces.
+    Farther outside than the longest edge, values are only finite bounds: the true values are larger."""
     divided, reaches = DividedSurface.undivided(surface), [reach for _, reach in regions]
     for rounds_left in reversed(range(rounds)):
         fields = [
@@ -63,7 +62,7 @@ def curve_fields(
 
 
 def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """Return edges (e',) to halve for one of the regions, except in regions earlier in the list."""
+    """Return edges (e',) to halve for any of the regions; edges inside an earlier region need no halving."""
     parts, uncut = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), uncut.edge_lengths[uncut.edges.of].max(axis=1)
@@ -78,8 +77,8 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """Return where to divide edges (e,), from 0 at their first end to 1.
-    This is the edge of a region if one region crosses the edge near its middle (see `ASIDE`), else the middle."""
+    """Return the positions (e,) at which to divide edges, from 0 at their first end to 1.
+    An edge is divided where a single region's outline crosses it near its middle (see `ASIDE`), else at its middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle
@@ -99,7 +98,7 @@ def _distance_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats
 
 
 def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Return distances (n,), moved onto the reach if close (see `NEAR`), except at faces with all corners close."""
+    """Return distances (n,); those close to the reach (see `NEAR`) become equal to it, unless a whole face is close."""
     _, vertex_growth = _distance_growth(surface, distance)
     is_near = np.abs(distance - reach) <= np.minimum(NEAR * vertex_growth, EVEN * reach)
     is_near[surface.F[is_near[surface.F].all(axis=1)]] = False
@@ -107,7 +106,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return the field (n,) of a region on undivided faces, by straight lines if these give the same distances."""
+    """Return a region's field (n,) on undivided faces, by straight distances if they equal those along the surface."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -125,12 +124,12 @@ def _finite_distances(distance: Floats, reach: float) -> Floats:
 
 
 def _uneven_edges(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """Return edges (e,) at the edge of a region along which the distance is not linear, or too steep."""
+    """Return edges (e,) at the outline of a region along which the distance is not linear, or grows too fast."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     deviation = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    deviation[farthest == 0] = reach  # the middle of a face with all sides on the boundary has no distance
+    deviation[farthest == 0] = reach  # only a division shows the distances inside faces with all sides on the boundary
     is_uneven = np.zeros(len(ends), dtype=bool)
     is_uneven[sides[(deviation > EVEN * reach) & (farthest + deviation.max(axis=1) >= reach)[:, None]]] = True
     finite = _finite_distances(vertex, reach)
@@ -160,9 +159,9 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle. The
-        layer has two fields with a level at 0. Material is where the first field exceeds the level and the second field
-        does not (see `dsfab.slicing.cutting.cut`)."""
+        """Return the layer of the band; field : minus the distance (n,) from the outline, metres. The layer has two
+        fields and the level 0. Material is where the first field, positive in the region, exceeds the level, and the
+        second field, the distance minus the width, does not (see `dsfab.slicing.cutting.cut`)."""
         half_width = np.full(len(self.inside), np.inf)
         if not isinstance(field, DividedField):
             return Layer("rim", np.stack([self.inside, -field - self.width], axis=1), np.zeros(1), half_width)
@@ -172,7 +171,7 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """Return solid regions, each as a field (n,), 0 along its outline. Raises PatternError off the surface."""
+    """Return solid regions as fields (n,), 0 along the outline. Raises PatternError for a region off the surface."""
     half_width = np.full(surface.n, np.inf)
     return [
         Layer("keep", region_sides(surface, faces), np.zeros(1), half_width)
@@ -181,8 +180,8 @@ def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[La
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
-    Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
+    """Return the bands of regions; default width: `rim` (m), or half of the area over the outline's length if `rim` is
+    0. Raises PatternError for a region off the surface, and for a region that covers a whole piece of the surface."""
     bands = []
     for k, faces in _faces(surface, regions, "rim"):
         inside = region_sides(surface, faces)
@@ -231,24 +230,24 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,), metres, to the span of marked vertices. The distance to patches is straight. The
-    distance to points and curves is along the surface, as in `distance_to_boundary`."""
+    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. It is straight for
+    patches, and along the surface for points and curves, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """Return the marked vertices (n,) that faces connect; the rest are points and curves. Three vertices of the
-    boundary mark no face, and two boundary vertices mark no inner edge: only the mesh decides how far such faces and
-    edges extend beyond the intended curve."""
+    """Return the marked vertices (n,) of patches, which have marked faces; the other vertices form points and curves. A
+    face with three boundary vertices is not marked, nor is an inner edge with two, because such parts depend on the
+    mesh."""
     edges, faces = _spanned_parts(surface, vertices)
     _, part = link_components(surface.n, *surface.edges.ends[edges].T)
     return np.asarray(vertices & np.isin(part, part[surface.F[faces]]))
 
 
 def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
-    """Return the straight distance (n,), metres, to the span of marked vertices: their faces, edges, and themselves."""
+    """Return the straight distance (n,), metres, to marked vertices and to the edges and faces between them."""
     ends = surface.edges.ends
     faces, edges = surface.F[vertices[surface.F].all(axis=1)], ends[vertices[ends].all(axis=1)]
     return euclidean_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
@@ -261,7 +260,7 @@ def boundary_origins(surface: Surface) -> Origins:
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Return marked vertices (n,), without `patches`, and the edges of their span, as origins of distances."""
+    """Return marked vertices (n,), without `patches`, and the edges between them, as origins of distances."""
     edges, _ = _spanned_parts(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
@@ -283,9 +282,9 @@ def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, regions_of_user: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
     """Return the layers of kept material: user regions, `keep` metres around marked vertices (n,), a `rim` in metres.
-    Around patches the edge of a region is straight on each face; the patch itself is ragged. Around points and along
-    curves the edge is smooth: see `curve_fields`. Regions of the user end at edges of the surface, because dsfab has
-    cut the surface along their outlines."""
+    The outline around a patch is straight on each face, because the patch itself has the ragged edge of its faces.
+    Around points and along curves the outline is smooth, see `curve_fields`. Regions of the user end at edges of the
+    surface, because dsfab has cut the surface along their outlines."""
     patch = patches(surface, marked)
     regions = []
     if keep and (marked & ~patch).any():

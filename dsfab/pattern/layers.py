@@ -1,4 +1,4 @@
-"""Layers: a field and its levels to cut, for stripes on modes and on even phases; the share of material."""
+"""Layers of a pattern: fields and their levels, for stripes on modes or evenly spaced; the share of material."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -18,12 +18,12 @@ from dsfab.surface.mesh import Surface
 
 
 class Layer(NamedTuple):
-    """A field to cut and its levels: odd strips of a field (n,) are material; for (n, 2) see `Stripes.band`.
-
-    The field may be at corners, or on parts of faces.
+    """A field, and the levels at which its values change between material and openings.
+    With values (n,), material lies above an odd number of levels; for values (n, 2) see `Stripes.band`. The field may
+    be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) an opening whose mean exceeds 0 becomes material, whatever its own width; None closes no opening.
+    closed     : (n,) an opening becomes material if the mean of these values over it exceeds 0; None closes no opening.
     """
 
     name: str
@@ -68,7 +68,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer, with one field if the width does not vary."""
+        """Return the family as one layer; it has a single field if the width does not vary, else two."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -78,7 +78,7 @@ class ModeFamily:
 class DrawableFamily(Protocol):
     """A family of stripes, on a mode or evenly spaced.
     density : (n,) stripes per metre. stress : (n,) size of the stress along the stripes; any unit.
-    adds : rank of the family when dsfab adds finer stripes."""
+    adds : place of the family in the order in which families add finer stripes."""
 
     @property
     def adds(self) -> int: ...
@@ -121,7 +121,7 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[DrawableFamily], widths: Widths) -> float:
-    """Return the factor at which families of graded width preserve the mean duty (share of material) of their
+    """Return the factor on graded widths at which the families keep the mean duty (share of material) of their
     thresholds. All families have one factor: the family with the larger stress gets the larger share. Bounds in metres
     apply afterwards. Raises PatternError if too little of the surface is stressed for that."""
     free = Widths(widths.rule, widths.member, widths.q)
@@ -157,14 +157,14 @@ WIDTH_RULES = {
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes with centre lines at integers of a phase; with halvings, on a part of these integers, see `wanted`.
+    """Stripes with centre lines at integers of a phase; after halvings, at some of these integers only, see `wanted`.
 
     phase   : at the corners, with all possible lines.
-    wanted  : for each level of halving, the finest first, (m,) the share of each face with its lines. Lines at
-              multiples of 2^len(wanted) run everywhere.
+    wanted  : for each round of halving, that of the finest lines first: (m,) the share of each face that keeps the
+              lines of this round. Lines at multiples of 2^len(wanted) run everywhere.
     slope   : (n,) lines per metre of the phase.    density : (n,) drawn lines per metre.
     stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
-    whole   : true if an opening between crowded members closes as a whole, false if each vertex decides."""
+    whole   : true if an opening between crowded members closes as a whole, false if only its narrow parts close."""
 
     name: str
     stripes: Stripes
@@ -181,8 +181,8 @@ class EvenFamily:
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """Return d (n,), in periods of the drawn lines. Members that would leave a slit become thinner, or merge if
-        they crowd more or have more stress. The rule `plain` has no such changes."""
+        """Return d (n,), in periods of the drawn lines. Members too close together become thinner, so that a slit stays
+        open; if they are still closer, they merge, see `CLOSING_WIDTHS`. The rule `plain` has no such changes."""
         return self._closed_half_widths(self._requested_half_widths(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
@@ -206,7 +206,7 @@ class EvenFamily:
         return layers
 
     def _requested_half_widths(self, widths: Widths, factor: float) -> Floats:
-        """Return half-widths (n,), in periods of the drawn lines, however narrow the openings are."""
+        """Return half-widths (n,), in periods of the drawn lines, before narrow openings change them."""
         rule = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return rule.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -214,7 +214,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,) without slits, unless widths.min_gap closes the slits."""
+        """Return half-widths (n,), at most so wide that openings stay open; `widths.min_gap` may close narrow ones."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
@@ -241,7 +241,7 @@ def _closing_limits(widths: Widths) -> tuple[float, float]:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """Return half-widths (n,) in periods of the finest lines, from local half-widths in periods of the drawn lines.
+    """Return half-widths (n,) in periods of the phase, from half-widths `local` in periods of the drawn lines.
     If drawn neighbours touch, all space between the coarsest lines is material."""
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
@@ -260,13 +260,13 @@ def face_points(side: int = 3) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """Return whether any layer makes points of each face material, (m, p), for barycentric coordinates (p, 3)."""
+    """Return (m, p), True for points in faces that a layer makes material; points : (p, 3) barycentric coordinates."""
     is_material = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             is_material |= (below[0] > below[1]) & _is_drawn(layer.field)[:, None]
-            if layer.closed is not None:  # each point decides alone, because only the cut knows whole openings
+            if layer.closed is not None:  # point by point, because only the cut knows whole openings
                 is_material |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         is_material |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -287,7 +287,7 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _is_drawn(field: CornerField) -> Bools:
-    """Return faces (m,) on which a field is drawn, exact to one face; the cut is more accurate."""
+    """Return faces (m,) on which a field is drawn, each face as a whole; the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
@@ -298,7 +298,7 @@ def counted_share(surface: Surface, kept_layers: Sequence[Layer], side: int = 3)
     kept_points = material_points(surface, kept_layers, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # with products of narrow matrices two threads took sixty times as long
+        with one_blas_thread():  # for narrow matrices two threads need sixty times as long as one
             stripes = material_points(surface, layers[len(kept_layers) :], points)
         return float((kept_points | stripes).mean(axis=1) @ surface.areas / surface.area)
 

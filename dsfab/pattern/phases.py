@@ -17,12 +17,12 @@ from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
 """Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
-FLOW = 0.25  # Length 1 / tau of a round of diffusion, where tau is this share of (2 pi / spacing)^2.
-"""A round of diffusion has the length 1 / tau, with tau this share of (2 pi / spacing)^2."""
+FLOW = 0.25
+"""A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2."""
 LOCKED_PHASE = 0.05
 """A locked phase that misses its target by less (in periods) is set to the target, so that edges get straight
 members."""
-LOCK = 3.0  # Weight of a locked phase, over (2 pi / spacing)^2.
+LOCK = 3.0  # Weight of a locked phase, as a multiple of (2 pi / spacing)^2.
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,8 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, in the first end's sign."""
+        """Growth of the phase (e,), periods, from the first end of an edge to the second, with the sign of g at the
+        first end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -62,18 +63,18 @@ class Flow:
         free: bool = False,
         rounds: int = 10,
     ) -> Floats:
-        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each with the sign of g at its vertex.
 
         They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed.
         The first minimum is over all psi with a common norm, the second over psi of size 1 everywhere, by diffusion and
         normalisation in turns [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
 
-        start : (n,) start of the iteration; a line runs through its peak if nothing else decides.
+        start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
         free  : true to begin without locked vertices, because phases that start from these may meet out of step in
                 between.
-        rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
+        rounds : number of rounds of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
         inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
@@ -99,7 +100,8 @@ class Flow:
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
     """Return the result (n,) of 20 inverse iterations with B from start (n,), approximated to 1e-5 by 12 solves.
-    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear."""
+    More iterations are useless, because the lowest eigenvectors are almost equally good. B conjugates some numbers, and
+    is linear only for their real and imaginary parts."""
     x = krylov_power(
         lambda x: _real_pairs(B(_complex_numbers(x))), _real_pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12
     )
@@ -116,7 +118,7 @@ def _complex_numbers(x: Floats) -> Complexes:
 
 @one_blas_thread()  # on two busy cores, threads took three times as long for products of vectors
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
+    """Return B^power x, with norm 1 for the mass (N,), from the Krylov space of `products` products with a linear B.
     Arnoldi's method [Saad 1992] writes B as a small matrix H on an orthonormal basis of B x, B B x, ..., and takes
     powers of H. With as many products as powers the result is exact."""
     basis = [_unit_vector(B(x), mass)]
@@ -146,9 +148,9 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto lines.
-    `Flow.solve` does not distinguish the two phases, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean
-    cosine within 2 % of 0 does not decide."""
+    """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto centre lines.
+    `Flow.solve` finds both phases equally good, because its sum of squares is the same. A shift by 1/2 and by -1/2 is
+    the same, so that signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
@@ -202,9 +204,9 @@ class CornerPhase:
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
-    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
-    alternative : function that makes a second set of phases (n,). It is called only if the first set breaks off, and
-                  replaces this set if it breaks off on fewer faces."""
+    """Return the phases (n,), in periods, of `Flow.solve` as a phase at the corners of the faces.
+    alternative : function that returns other phases (n,). It is called only if stripes end within faces, and its result
+                  is used if stripes end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)
@@ -212,15 +214,15 @@ def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | 
 
 
 def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
-    """Return phases (n,) as each face sees them without its neighbours. From corner to corner a phase grows by the
-    value nearest to `flow.turn`; the face is singular if it does not return to its start, or to its own sign."""
+    """Return phases (n,) at the corners of each face, without regard to its neighbours. From corner to corner a phase
+    grows by the value nearest to `flow.turn`. A face is singular unless the phase returns to its start and its sign."""
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
     miss = sign * phase[j] - phase[i] - flow.turn
     step = flow.turn + miss - np.rint(miss)
     edge, F = surface.edges.of, surface.F
-    forward = i[edge] == F  # these half-edges run along their edge
-    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # growth in the sign of the starting corner
+    forward = i[edge] == F  # half-edges in the direction of their edge
+    growth = np.where(forward, step[edge], -sign[edge] * step[edge])  # in the sign of g at its start
     edge_sign = sign[edge]
     s1 = edge_sign[:, 0]
     s2 = s1 * edge_sign[:, 1]
@@ -236,8 +238,8 @@ def _face_phases(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
-    Seen by the corner where its half-edge starts, the phase of face f is s times that of face g plus q."""
+    """Return the phase with equal signs and periods in adjacent faces, carried from face to face from a first face.
+    In adjacent faces f and g, z_f = s z_g + q holds at the corner where their half-edge h0 starts."""
     h0, h1 = surface.edges.pairs.T
     f, g = h0 // 3, h1 // 3
     sign, shift = phase.sign.ravel(), phase.shift.ravel()
@@ -263,8 +265,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the order of a search, each from an earlier face. Each face has a step
-    from an earlier face. Every round adds the step of that earlier face, which halves the paths to the first face."""
+    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face. Each face has the sign and
+    shift relative to an earlier face. Each round adds those of the earlier face, so paths to the first face halve."""
     child = order[1:]
     if not len(child):
         return
@@ -284,7 +286,7 @@ def _propagate(
 
 
 def _seen_by_first_faces(surface: Surface, phase: CornerPhase) -> CornerPhase:
-    """Return the phase as the first face of each vertex sees it: signs 1 and shifts 0 except along seams."""
+    """Return the phase with the value of a vertex from its first face: signs are 1 and shifts 0 except along seams."""
     first_corner = np.full(len(phase.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~phase.singular, 3))

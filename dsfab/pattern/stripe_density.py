@@ -13,14 +13,14 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02  # Weight of |grad u|^2, which fills regions of unclear direction.
+SMOOTH = 0.02
 """Weight of |grad u|^2, which determines u in regions of unclear direction."""
-EVEN = 0.3  # Weight of u^2, over the area of the surface, to select the constant nearest to an even spacing.
-"""Weight of u^2, divided by the area of the surface, which selects the constant nearest to an even spacing."""
-RANGE = (-2.0, 1.5)  # Bounds of u without halving, because u diverges at singular points of the field.
+EVEN = 0.3
+"""Weight of u^2, divided by the area of the surface: it keeps the density near its mean where nothing else decides."""
+RANGE = (-2.0, 1.5)
 """Bounds of u without halving, because u diverges at singular points of the field."""
-COARSE_RANGE = (-1.0, 3.0)  # Bounds of u with halving, because halving takes up all but the last power of two.
-"""Bounds of u with halving, which covers all but the last power of two."""
+COARSE_RANGE = (-1.0, 3.0)
+"""Bounds of u with halving; the upper bound is larger, because halving lowers large densities."""
 MOST_HALVINGS = 3
 
 
@@ -49,15 +49,15 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     coupling = np.bincount(surface.edges.of.ravel(), along_edges.ravel(), len(surface.edges.ends))
     diagonal = corner_sums(surface, blocks[:, (0, 1, 2), (0, 1, 2)]) + EVEN / surface.area * mass
     right = corner_sums(surface, p * (weight * curl / np.maximum(length, 1e-9))[:, None])
-    # complex numbers reuse the analysis of the phases; a new analysis costs more than products with zeros
+    # a complex matrix reuses the analysis for the phases; a new analysis costs more time than zero imaginary parts
     u = frames.twisted_factors.hermitian(coupling.astype(complex), diagonal)(right.astype(complex)).real
     return np.asarray(u - weighted_quantile(u, surface.vertex_areas, 0.5))
 
 
 class Halving(NamedTuple):
-    """Number of halvings: at most `most`, and at each vertex the integer below `wish` (n,).
-    wish : in powers of two, 0 to `most`. free : `wish` without these bounds. limits : bounds of the logarithm of the
-    density of all lines."""
+    """Numbers of times that the density of lines is halved, at each vertex the integer below `wish` (n,).
+    most, wish : largest number; wanted number, a real number from 0 to `most`.    free : `wish` without these bounds.
+    limits     : bounds of the logarithm of the density before halving."""
 
     most: int
     wish: Floats
@@ -71,15 +71,14 @@ class Halving(NamedTuple):
 
 
 def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
-    """Return the places of halving of stripes, from the logarithm u (n,) of their density, for the most even spacing.
-    The search for the least density of halved stripes has steps of 1/20 of a power of two, up to two powers under the
-    median. The best density has the smallest ratio of two spacings, one that 5 % of the surface exceed and one that 5 %
-    fall below. Each halving must lower this ratio by 5 %, because it ends members; halvings on the densest 2 % of the
-    surface do not count."""
+    """Return the halvings that make the spacing of stripes most even, from the logarithm u (n,) of their density.
+    The least density after halving is searched from the median down to a quarter of it, in steps of 1/20 of a power of
+    two. The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing. Each
+    halving must lower it by 5 %, because it ends members; halvings on the densest 2 % of the surface do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
 
-    ascending = np.argsort(u, kind="stable")  # sorted values make the sorting for each limit fast
+    ascending = np.argsort(u, kind="stable")  # quantiles of sorted values are fast
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 
     def ratio(limit: float) -> float:

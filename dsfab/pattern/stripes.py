@@ -28,7 +28,7 @@ class Stripes:
     """Material where p(frequency x + phase) > threshold, p the triangle wave.
     frequency : stripes per unit of the mode; positive.
     phase     : shift in periods.
-    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of a gradient line material.
+    threshold : -1 (everything is material) to 1 (everything is void); 0 makes half of each period material.
     Raises PatternError for other values."""
 
     frequency: float
@@ -50,7 +50,7 @@ class Stripes:
 
     def with_width_factor(self, factor: float) -> "Stripes":
         """Return stripes whose half-width is `factor` times as large, up to 0.5."""
-        if factor == 1:  # the same stripes, to the last bit
+        if factor == 1:  # without rounding errors
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
@@ -59,12 +59,12 @@ class Stripes:
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """Return z + d and z - d (n, 2) for half-widths d (n,): in material, more integers are below z + d."""
+        """Return z + d and z - d (n, 2) for half-widths d (n,): a point is material if an integer lies between both."""
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """Return the integers (k,) around the range of z over x (n,), ascending: the levels of `band`."""
+        """Return all integers (k,) in the range of z over x (n,), and beyond: the levels of `band`."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
@@ -80,7 +80,7 @@ class Stripes:
         if d == 0:
             return np.empty(0)
         z = self.frequency * x + self.phase
-        if d >= 0.5:  # stripes touch, so the only edge is below all values
+        if d >= 0.5:  # stripes touch, so all values are above the only level
             return np.array([x.min() - 1.0 / self.frequency])
         k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency

@@ -35,7 +35,7 @@ class Images:
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def marked_in_any(self, marked: Bools) -> Bools:
-        """Return faces (m,) with a marked image, because rounding decides which face at a vertex has a singular point.
+        """Return faces (m,) with a marked image, because rounding decides which face at a vertex is singular.
         On a mesh that is less symmetric than its surface, images of faces are not faces, and marks stay unchanged."""
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
@@ -56,11 +56,11 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Return the projection of phases at vertices V (n, 3) that grow along g (n, 3) by density (n,) periods per
-        metre.
+        """Return the projection onto symmetric phases, for phases at V (n, 3) that grow along g (n, 3), `density` (n,)
+        per metre.
 
-        An image with reversed g has the conjugate phase. An image of a vertex may lie between other vertices. Their
-        phases first grow along the way to the image, because the plain mean would lag if a period has few edges."""
+        Where g is reversed at an image, the phase is conjugated. An image of a vertex may lie between other vertices.
+        Then their phases grow along the way to the image, because a plain mean would lag if a period has few edges."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g
@@ -71,7 +71,7 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """Return the maps (n, n) from phases, and from their conjugates, to images.
+        """Return the maps (n, n) to the images of vertices, one for phases and one for conjugate phases.
         growth : (n, 3) gradient of the phase, up to sign, periods per metre."""
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
@@ -79,7 +79,7 @@ class Images:
         turned = dots(growth_there, growth_here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # the mean of the growth at both ends
+        turn = np.pi * dots(growth_here + sign[:, None] * growth_there, step)  # by the mean growth of both ends
         value = T.data * np.exp(1j * turn)
         direct, conjugate = (
             csr_array((value * selected, column, T.indptr), shape=T.shape) for selected in (~turned, turned)

@@ -13,18 +13,18 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]  # End of an interval: a factor, and its share minus the wanted share.
+_End = tuple[float, float]
 """End of an interval: a factor, and its share minus the wanted share."""
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half-width, in periods, at which neighbouring stripes touch.
-ROUNDS = (2, 60)  # Fewest and most rounds of averaging.
+ROUNDS = (2, 60)
 """Smallest and largest number of rounds of averaging."""
 JUMP = 5e-3
 """Largest accepted jump of a share past its target when loose ends appear and vanish; the nearest share suffices."""
 
 
 class ShareJumpError(PatternError):
-    """The share jumps past the wanted share: values exist on both sides, but no value near it."""
+    """The share of material jumps past the wanted share: larger and smaller shares exist, but none near it."""
 
 
 @dataclass(frozen=True)
@@ -102,15 +102,15 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
     """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
     The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
     range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on a ridge, equal to the mean of |grad
-    z| over the disc. So means extend over `radius`, metres, half the width of a member. They extend over at least two
-    rings of faces, because otherwise members would have ragged edges on ridges."""
+    z| over the disc. So means are over a disc of `radius` (m), half the width of a member, and over at least two rings
+    of faces, because otherwise members would have ragged edges on ridges."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """Return means (n, ...) of values x (m, ...) of the faces in about a disc around each vertex. radius : metres.
-    They extend over at least two rings of faces, and along the surface, not through a gap between sheets."""
+    """Return means (n, ...) of values x (m, ...) of faces over about a disc of `radius` (m) around each vertex.
+    Each mean includes at least two rings of faces, and follows the surface, not through a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
     # the variance of a round is h^2 / 3 on a regular mesh of width h; the variance of a disc is R^2 / 4
@@ -127,8 +127,8 @@ def _averaging(surface: Surface) -> csr_array:
 
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
-    """Return sizes of both principal stresses (m, 2) at the vertices, (n, 2), over their common mean over the area.
-    Raises PatternError if the stress is zero."""
+    """Return sizes (n, 2) of both principal stresses (m, 2) at the vertices, divided by the mean of both on the
+    surface. Raises PatternError if the stress is zero."""
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
     if not mean > 0:
@@ -145,18 +145,17 @@ def solved_factor(
     jump: float = JUMP,
     steepest: float = 40,
 ) -> float:
-    """Return the factor at which share(factor), which never falls, is `target` to `tolerance`.
+    """Return the factor at which the increasing function share(factor) is `target`, with an error of `tolerance`.
 
-    slope    : approximate derivative, if the factor may be about 1: the search then begins with the factor 1 and one
-               step of Newton's method.
-    near_one : true if the factor is about 1: then secants start there.
-    jump     : accepted miss if the share jumps past the target: the function then returns the factor of the nearest
-               share.
-    steepest : no share without jumps grows faster than this, relative to its factor.
+    slope    : approximate derivative of `share`, if the factor may be about 1. Then the search begins with 1 and one
+               step of Newton's method; 0 for no such start.
+    near_one : true if the factor is surely about 1: more secant steps follow.
+    jump     : if `share` jumps past the target, error at which the nearest value still counts.
+    steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method draws secants over an interval around the solution, and halves the value at an end that stays twice
-    (Illinois rule of regula falsi [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share
-    (ShareJumpError for a larger jump)."""
+    The method is regula falsi on an interval around the solution; it halves the value at an end that stays twice
+    (Illinois rule [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a
+    jump)."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -166,7 +165,7 @@ def solved_factor(
         evaluate, target, tolerance
     )
     best_end, kept_side = min(low, high, key=_miss), 0
-    for _ in range(30):  # a share without jumps needs far fewer rounds
+    for _ in range(30):  # without jumps, far fewer rounds suffice
         if _miss(best_end) <= tolerance:
             return best_end[0]
         if high[0] - low[0] < tolerance / steepest * high[0]:
@@ -189,7 +188,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or the solution twice, by secants from 1; None without convergence."""
+    """Return an interval around the solution, or twice the solution itself, by secants from 1; else None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -202,7 +201,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or the solution twice, between 0 and too wide stripes."""
+    """Return an interval around the solution, or twice the solution itself, from the factors 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
@@ -211,7 +210,7 @@ def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float)
         if low[1] > tolerance:
             raise _unreachable_error(target, f"at least {low[1] + target:.1%}")
         return low, start
-    widest = evaluate(1e9)  # wider stripes have no larger share
+    widest = evaluate(1e9)  # everything is material
     if widest[1] < -tolerance:
         raise _unreachable_error(target, f"at most {widest[1] + target:.1%}")
     low = start
@@ -236,7 +235,7 @@ def evened_grading(
     """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
-    spacing  : metres from stripe to stripe; energies are averaged over 0.4 of it, less than the distance of neighbours.
+    spacing  : metres from stripe to stripe. Averages extend over 0.4 of it, so that they do not mix neighbours.
     limit    : largest factor of a step.
 
     Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the

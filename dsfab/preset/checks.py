@@ -40,7 +40,7 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
         return f"{key} is missing"
     if kind.startswith("union_tag") or kind == "model_attributes_type":
         return _unknown_kind(key, detail)
-    if kind == "value_error":  # for example, two keys exclude each other
+    if kind == "value_error":  # for example, if two keys exclude each other
         return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
     hint = ""
     if kind == "literal_error":
@@ -118,15 +118,14 @@ def follow_weights(
 
 
 def combined_names(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """Return the names whose stresses a combined pattern adds.
-    All combinations except those for displacements (SLS); SLS combinations if the preset has no others; else the cases.
-    """
+    """Return the names whose stresses a combined pattern adds: all combinations except those for displacements (SLS).
+    If there are only SLS combinations, return these; without any combination, return the cases."""
     strong = [combination.name for combination in combinations if combination.limit_state != "SLS"]
     return strong or [combination.name for combination in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Return the cases and combinations to check in a limit state: its own, else those without any state, else all."""
+    """Return the cases and combinations to check in a limit state: those of this state, else of none, else all."""
     state_of = {combination.name: combination.limit_state for combination in combinations}
     names = list(names)
     for limit_state in (state, ""):

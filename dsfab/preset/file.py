@@ -50,7 +50,7 @@ def with_overrides(preset: Preset, changes: Mapping[str, Any]) -> Preset:
     """Return `preset` with new values at dotted keys; raises PresetError as `load_preset`, and for another type."""
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
-    touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
+    touched = {key.partition(".")[0] for key in changes}  # only changed sections need new checks
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)
     unchanged = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
@@ -97,7 +97,7 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # the shape precedes its supports and loads in the file
+    # keys of the shape come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
@@ -139,7 +139,7 @@ def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
     """Set dotted keys, and remove old values that new keys exclude: exclusive keys, or keys of an old material."""
     drop_material_values(values.get("statics"), changes)
     for key, value in changes.items():
-        _override(values, key, deepcopy(value))  # because a later key may change a part of this value
+        _override(values, key, deepcopy(value))  # a later key may change the copy, not `changes`
     for family in ("pattern.major", "pattern.minor"):
         for key, excluded in (("frequency", "spacing"), ("spacing", "frequency")):
             if changes.get(f"{family}.{key}") and f"{family}.{excluded}" not in changes:

@@ -232,7 +232,7 @@ class Family(Section):
 
     @property
     def stripes(self) -> Stripes:
-        """Stripes of the family, with frequency 1 if only `spacing` is set, because its frequency needs a mode."""
+        """Stripes of the family; with `spacing` alone the frequency is 1 for now, because it depends on the mode."""
         return Stripes(self.frequency or 1.0, self.shift, self.threshold)
 
 
@@ -276,7 +276,7 @@ class Width(Section):
         return 0.0 if self.min_width == AUTO else self.min_width
 
     def widths(self, length: float, least: float = 0.0) -> Widths:
-        """Return the width rule. A width that dsfab must compute later is 1 % of `length` (m) here.
+        """Return the width rule. If only `solid_fraction` defines the width, it is 1 % of `length` (m) for now.
         least : least width (m) if `min_width` is auto; `max_width` limits it."""
         solved = self.rule == "constant" and self.solid_fraction > 0 and not self.member
         member = length / 100 if solved else self.member
@@ -375,7 +375,7 @@ class Pattern(Section):
 
     @property
     def drawn_regions(self) -> int:
-        """Number of solid regions and bands; each is a layer of its own, below all families in the number of layers."""
+        """Number of solid regions and bands; each is a layer, and these layers are the first in the list of layers."""
         return len(self.region) - len(self.voids)
 
     @property
@@ -629,8 +629,7 @@ class Preset(Section):
 
     def first_difference(self, other: "Preset") -> str | None:
         """Return the first stage whose section differs, or None; name and description make no difference.
-        Outlines of regions cut the surface, so they belong to it here, as [statics] does if the mesh follows the
-        stress."""
+        Here [surface] includes the outlines of regions, which cut the surface, and [statics] if it defines the mesh."""
         if self.surface.by_stress and self.statics != other.statics:
             return "surface"
         regions = self.pattern.region, other.pattern.region

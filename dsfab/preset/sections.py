@@ -106,7 +106,7 @@ class Eurocode(Section):
     over `workshop.layers`; the check adds the bending stress."""
 
     def case_mistakes(self, loads: Sequence[Load]) -> Iterator[str]:
-        """Yield cases without a load, as 'key = value: allowed values'."""
+        """Yield an error message for each case in `duration` that no load has."""
         cases = list(dict.fromkeys(load.case for load in loads)) or ["load"]
         for case in self.duration:
             if case not in cases:

@@ -49,7 +49,7 @@ from dsfab.surface import (
 
 
 class Section(BaseModel):
-    """A section of a preset: frozen, and closed to unknown keys. Its constructor raises PresetError."""
+    """A section of a preset: it cannot change, and takes no unknown keys. Its constructor raises PresetError."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
@@ -87,12 +87,12 @@ class SurfaceSection(Section):
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """Combinations of the list, followed by the combinations after the standard."""
+        """Combinations in the preset, followed by those that a standard defines."""
         return (*self.combination, *self.standard_sums)
 
     @property
     def standard_sums(self) -> tuple[Combination, ...]:
-        """Combinations after the standard; empty without one."""
+        """Combinations that the chosen standard defines; empty without a standard."""
         if self.combinations is None:
             return ()
         return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))
@@ -139,7 +139,7 @@ class OwnSurface(SurfaceSection):
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), base: Surface | None = None) -> Surface:
-        """Return the surface, with edges of these sizes on a new mesh; raises SurfaceError for an invalid surface.
+        """Return the surface. `sizes` define edge lengths of a new mesh. Raises SurfaceError for an invalid surface.
         base : result of `base_surface()`, if the caller has it."""
         base = base or self.base_surface()
         if not self.edge:
@@ -277,7 +277,7 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, lists: Mapping[str, Any]) -> Any:
-    """Return the argument `surface` of Python code as a table, `lists` replace supports, loads and combinations.
+    """Return the argument `surface` of Python code as a table; `lists` replace its supports, loads and combinations.
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(surface, str | Path):

@@ -1,5 +1,3 @@
-"""The name of a package without code: a wheel has the presets of the top level's `presets/` beside this file.
+"""Folder of the shipped presets in an installed dsfab; in the repository, `presets/` at the top level contains them.
 
-setuptools finds packages by their folders, and this folder by this file; `package-dir` in pyproject.toml gives it the
-files of the top level.
-"""
+setuptools needs this file to find the package. `package-dir` in pyproject.toml names the folder of its files."""

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Import pictures of members on first use, because a single picture needs half of the modules."""
+    """Import pictures of members on first use, because other pictures need only half of the modules."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members

@@ -68,7 +68,7 @@ class ColourBar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; None if they show no values.
+    """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; no bar if they show no values.
     V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption.
     """
 
@@ -133,14 +133,14 @@ def _mode_colouring(design: "Design", show: str) -> Colouring:
 
 
 def mode_gradient(design: "Design", show: str) -> Floats:
-    """Return the gradient (m, 3) of a mode on each face (1/m); stripes are square to it."""
+    """Return the gradient (m, 3) of a mode on each face (1/m); stripes are perpendicular to it."""
     surface, name = design.surface, show.removesuffix("_mode")
     value = getattr(design.diffusion, name).mode(getattr(design.preset.pattern, name).mode)
     return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
 def band_limit(limit: float) -> tuple[float, int]:
-    """Return the end of a colour scale and its number of bands: 4 to 10 bands of a round width reach `limit`."""
+    """Return a round upper end for a colour scale that includes `limit`, and the number of its bands, 4 to 10."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -149,22 +149,22 @@ def band_limit(limit: float) -> tuple[float, int]:
 
 
 def diverging_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares from -1 (compression) to 1 (tension)."""
+    """Return colours (k, 3) for stresses as shares of the scale's limit, from -1 (compression) to 1 (tension)."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising_colours(share: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares from 0 to 1."""
+    """Return colours (k, 3) for values as shares of the scale's limit, from 0 to 1."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed_colours(share: Floats) -> Bytes:
-    """Return colours (k, 3) for shares from -1 to 1 of signed values that are not stress."""
+    """Return colours (k, 3) for values that are not stress, as shares of the scale's limit, from -1 to 1."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """Return colours (k, 3) for shares (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
+    """Return colours (k, 3) for values (k,) from 0 to 1 along `colours` (q, 3), in `bands` equal steps or smoothly."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, positions = share * (len(colours) - 1), np.arange(len(colours))
@@ -275,7 +275,7 @@ def _shape_colouring(design: "Design", show: str) -> Colouring:
     answers = design.statics.answers
     if show == "buckling" and answers.buckling is not None and len(answers.buckling.factor):
         shape = answers.buckling.shapes[0]
-        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # along the load
+        shape = -shape if np.einsum("ni,ni->", shape, design.load.force) < 0 else shape  # in the load's direction
         words = f"buckles at {answers.buckling.factor[0]:.3g} x the load"
     elif show == "frequency" and answers.vibration is not None:
         shape, words = answers.vibration.shapes[0], f"swings at {answers.vibration.hertz[0]:.3g} Hz"

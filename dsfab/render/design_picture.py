@@ -119,7 +119,7 @@ def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK)
         temporary_folder("dsfab-picture") as folder,
         _STARTED_PROGRAM.get() or PreparedProgram(picture_program.__file__) as program,
     ):
-        _STARTED_PROGRAM.set(None)  # the program draws a single picture
+        _STARTED_PROGRAM.set(None)  # a later picture needs a new program
         arguments_file = Path(folder) / "picture.pickle"
         arguments_file.write_bytes(pickle.dumps(_picture_arguments(design, look), protocol=5))
         program.send(str(arguments_file), str(path))

@@ -33,7 +33,7 @@ class Annotations:
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither of them.
     reaction      : (n, 3) forces of the supports on the structure (N).
     gradient      : (m, 3) on each face; only its direction and relative size are visible.
-    layers        : names from `EVERY_LAYER`; a person needs a structure of fitting size.
+    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`.
     """
 
     surface: Surface | None = None
@@ -79,7 +79,7 @@ def set_stage(
             # support cones stand on the ground; arrows below them pass through the ground
             level -= marks.CONE_HEIGHT * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a plate has a board behind it
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind a plate
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
@@ -129,8 +129,8 @@ def _marks(
 
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
     middle, right, level = _ground_frame(V, side, foot)
-    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # a person must not touch these points
-    if not len(near_foot):  # the edge of a wide roof on tall cones would hide a person
+    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # points at the person's height
+    if not len(near_foot):  # the person stands outside a roof on tall cones
         near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
     distance = float(((near_foot - middle) @ right).max()) + apart
     return person(middle + distance * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
@@ -230,7 +230,7 @@ def render_stage(
     lines = edge_strengths(pixels, 2.5 * pixel)
     covered = np.flatnonzero(np.isfinite(pixels.depth))
     inked, flat = _shaded_colours(pixels, covered, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
-    for channel in range(canvas.shape[2]):  # one mask for all channels would take six times as long
+    for channel in range(canvas.shape[2]):  # six times as fast as a mask for all channels
         flat[covered, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 
@@ -273,7 +273,7 @@ def _shaded_colours(pixels: Pixels, numbers: Ints, brightness: Floats32, lines: 
         flat = np.logical_or.reduce([code == mark for mark in fixed])
         amount = np.where(flat, np.float32(0.8) + np.float32(0.2) * brightness[part], brightness[part])
         amount *= 1 - np.where(flat, np.float32(0.12), np.float32(palette.ink)) * lines[part]
-        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # light adds up linearly, bytes do not
+        tone = np.minimum(amount, np.float32(1.25)) ** np.float32(1 / 2.2)  # bytes are not linear in light
         colours[part] = np.minimum(colour * tone[:, None], 255).astype(np.uint8)
     return colours
 
@@ -284,8 +284,8 @@ def _codes(colours: Bytes) -> Ints:
 
 
 def edge_strengths(pixels: Pixels, jump: float) -> Floats32:
-    """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` (radii), or where normals turn.
-    Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
+    """Return line strengths (h, w) 0..1 where normals turn, or depth jumps by more than `jump` times the stage's
+    radius. Lines lie on the nearer of two pixels, and so on the body whose edge they show (Saito and Takahashi 1990).
     """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows need less memory than the whole picture

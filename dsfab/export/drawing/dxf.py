@@ -85,7 +85,7 @@ def _add_views(document: Any, part: Part) -> None:
 
 
 def add_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """Add the curves of a line to a drawing, and yield the entities: splines, and polylines of straight runs."""
+    """Add the curves of a line to a drawing and yield the entities: splines, and a polyline for connected segments."""
     for run in joined_segments(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()

@@ -87,8 +87,8 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
-    handle of the space that contains the entities."""
+    """A file of a drawing without its entities: the text `before` and `after` them, and the encoding. `free` is the
+    first unused handle (number of an entity); `space` is the handle of the space that contains the entities."""
 
     before: str
     after: str

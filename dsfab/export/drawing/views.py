@@ -38,7 +38,7 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Return plan, front view and right view of a sheet with its lines, without a view along the plane of the sheet."""
+    """Return plan, front view and right view of a sheet with its lines, without a view in which it is only a line."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     drawings = []
@@ -72,7 +72,7 @@ def _view(
 
 @dataclass(frozen=True, eq=False)
 class _DepthPicture:
-    """Grid of depths (w, h): largest third coordinate in each cell, -inf in empty cells."""
+    """Depth of the sheet in each cell of a grid (w, h): the largest coordinate towards the eye; -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -80,7 +80,7 @@ class _DepthPicture:
 
     @classmethod
     def from_mesh(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_DepthPicture":
-        """Sample every triangle of X (n, 3), F (m, 3) at points at most 0.7 cells apart."""
+        """Return the picture of X (n, 3), F (m, 3), from points of the triangles at most 0.7 widths of a cell apart."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -99,7 +99,7 @@ class _DepthPicture:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """Return True for points (k, 3) if all nine cells around the point are in front of it by the margin."""
+        """Return True for points (k, 3) more than `margin` behind the sheet, in their cell and its eight neighbours."""
         cell_index = ((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1
         cell_index = np.clip(cell_index, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
@@ -153,7 +153,7 @@ class PlacedView:
 
 
 def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[PlacedView]]:
-    """Return the views in rows on paper, and the largest usual scale (mm per mm of paper) at which they fit.
+    """Return the views in rows on paper, and the largest standard scale (mm per mm of paper) at which they fit.
     title : width and height of the block that stays free in the lower right corner, millimetres."""
     by_name = {view.title.split()[0]: view for view in views(part)}
     rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
@@ -163,7 +163,7 @@ def views_on_paper(part: Part, title: tuple[float, float]) -> tuple[float, list[
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """Return the first usual scale at which the rows fit: above the title block, or beside it in the last row."""
+    """Return the largest standard scale at which the rows fit above the title block, or with the last row beside it."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:
@@ -196,7 +196,7 @@ def _place_rows(rows: list[list[DrawingView]], scale: float, title: tuple[float,
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )
-    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal gaps align the views
+    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # the same gap in all rows keeps the views in line
     placed, y = list[PlacedView](), PAPER_MARGIN
     for row, (_, height) in zip(rows, sizes, strict=True):
         y, x = y + gap, PAPER_MARGIN

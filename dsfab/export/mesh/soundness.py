@@ -137,7 +137,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """Return the fault at places (k, 3), metres; None without a place."""
+    """Return the fault that occurs at places (k, 3), metres; None if there are no places."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

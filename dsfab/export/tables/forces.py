@@ -208,7 +208,7 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
 
 
 def sheet_names(members: Iterable[str]) -> list[str]:
-    r"""Return distinct sheet names of members: at most 31 characters, none of []:*?/\\', whatever the case."""
+    r"""Return names for the members' sheets: distinct without regard to case, at most 31 letters, no []:*?/\\'."""
     seen, names, width = {"about", "largest"}, [], 31
     for member in members:
         word = member.translate(NOT_IN_NAMES)[:width]

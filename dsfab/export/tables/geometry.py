@@ -94,7 +94,7 @@ def check_ids(part: Part, key: str, names: list[str]) -> None:
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:
-    """Return the content read back: members, and the relative error of their total length `length_read` (mm)."""
+    """Return the number of members, and the relative error of their total length `length_read` (mm) in the file."""
     members = graph_of(part).members
     length_expected = sum(rounded_mm(member.length) for member in members)
     error = length_read / length_expected - 1 if length_expected else float("nan")

@@ -231,15 +231,14 @@ class Rectangle:
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
 
     def slimmest(self) -> "Rectangle":
-        """Return the narrowest section (b, 1) of each bay without its ends, because joints have more material."""
+        """Return the narrowest section (b, 1) of each bay, except at its ends, where joints have more material."""
         inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
         narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths (m): pi / L sqrt(E
-        I G It).
-        Source: Timoshenko, Gere 1961, 6.1."""
+        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths L (m).
+        It is pi / L sqrt(E I G It). Source: Timoshenko, Gere 1961, 6.1."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 

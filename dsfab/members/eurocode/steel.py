@@ -52,12 +52,12 @@ def steel_checks(
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> CheckRatios:
     """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
     The shear stress is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of
-    its plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32)
-    in (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd."""
+    its plastic resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. Bending
+    with N is (N / N_Rd)^2 plus both M / M_pl,Rd: (6.41) with exponents 1 and (6.32)."""
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    nearly = 0.95  # above this shear ratio the shear check governs anyway
+    nearly = 0.95  # above this ratio of V to its resistance, the check of shear governs anyway
     plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
     rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, strength_share = N / (section.area * fd), 1 - rho
@@ -81,9 +81,8 @@ def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> CheckRatios:
     """Return the checks (b, 1) of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
-    The largest compression and the largest moments of a bay act together on its narrowest section. Moments are divided
-    by
-    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
+    The largest compression and the largest moments of a bay act together on its narrowest section. Resistances to
+    moments are elastic, with the interaction factors of annex B for class 3 and members that may twist (table B.2)."""
     fy, young, shear = material
     slim = section.slimmest()
     N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)
@@ -105,8 +104,8 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, n, m, C_m about that axis; tilted : m
-    over chi_LT."""
+    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, N and M over resistance, and C_m, for
+    buckling about that axis; tilted : M over resistance about the strong axis, divided by chi_LT."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -100,7 +100,7 @@ def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[
 def section_checks(
     section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade
 ) -> CheckRatios:
-    """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) reduction of tension for long LVL [3.4]."""
+    """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) factor on tension stress in long LVL [3.4]."""
     y, z = (over * ratio for ratio in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
@@ -132,7 +132,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return the checks (b, 1) of whole bays of lengths (b, 1), m: the narrowest section under the largest stresses."""
+    """Return the checks (b, 1) of bays of lengths (b, 1), m: largest stresses on the narrowest section of a bay."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

@@ -19,7 +19,7 @@ SHORT = 1e-3
 
 
 class BeamRow(NamedTuple):
-    """A beam: its nodes, local z, width and shift (m), its member, and the member's width over the bay's length."""
+    """A beam: its nodes, local z, width and shift (m), its member, and `stout`, see `Beams`."""
 
     ends: tuple[int, int]
     normal: Floats
@@ -31,7 +31,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 next to grazing members."""
+    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazing members."""
 
     ends: Ints
     normal: Floats
@@ -66,7 +66,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Return beams along all axes, and links; the joints get new nodes within bays."""
+    """Return the beams along all axes, and the links; `joints` gains the nodes that divide bays into beams."""
     rows = list[BeamRow]()
     for number, member in enumerate(joints.members_with_axis):
         for begin, end in pairwise(_stations(joints, member)):
@@ -120,15 +120,14 @@ def _bay(
 
 def _sides(member: Member) -> Floats:
     """Return widths (k, 2), m, to the left and right of the axis.
-    A disc has material on both sides of its ring, but an outer outline only: its width is at least its area
-    over its length."""
+    The axis of a disc is a ring. A disc has no inner edge, so each width is at least half its area over its length."""
     return member.sides if member.kind != "disc" else np.maximum(member.sides, member.area / member.length / 2)
 
 
 def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and extra widths (k,) at joints."""
+    """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and added widths (k,) of joints."""
     (s, t), axis = span, member.axis
     assert axis is not None
     half = fitting(np.array(joint_widths) / 2, t - s)
@@ -143,8 +142,8 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees;
-    # measured compliance over that of the sheet for tower, vaults, gridshell: .96, 1.00, .98; without: 1.10, 1.02, 1.06
+    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees; the
+    # compliance of tower, vaults, gridshell is .96, 1.00, .98 of the sheet's; without this width 1.10, 1.02, 1.06
     into = 0.5
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
@@ -166,7 +165,7 @@ class BeamPlaces:
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> BeamPlaces:
     """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    count = 9  # the nearest of these points along each beam give six candidates
+    count = 9  # points along each beam; the beams of the six points nearest to a place are candidates
     samples = (a[:, None] + np.linspace(0, 1, count)[:, None] * (b - a)[:, None]).reshape(-1, 3)
     candidates = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     direction = b - a
@@ -196,8 +195,9 @@ def nodal_loads(load: LoadCase, V: Floats, places: BeamPlaces, points: Floats, b
 @dataclass(frozen=True, eq=False)
 class NodeSupports:
     """Supports at nodes; index h counts the supports.
-    node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) centre of the supported vertices.
-    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) m."""
+    node  : (h,) nearest node of an axis.    place : (h, 3) centre of the supported vertices, metres.
+    apart : (h,) True if a link must join node and place.    fixed : (h, 6) as in `Frame`.
+    spring : (h, 6) N/m.    width : (h,) of the link, metres."""
 
     node: Ints
     place: Floats
@@ -209,7 +209,7 @@ class NodeSupports:
 
 def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> NodeSupports:
     """Return the supports of a sheet, each at the nearest node of the nearest beam; points : (n, 3) nodes.
-    Where whole faces are fixed, for instance at column heads, neither the sheet nor the node can turn."""
+    A support that fixes whole faces, such as a column head, also fixes the rotations of its node."""
     V, clamped = surface.V, _clamped_vertices(surface, load)
     vertices = np.flatnonzero(load.supported | clamped)
     places = nearest_beams(V[vertices], points, beams)
@@ -227,10 +227,10 @@ def supports_at_nodes(load: LoadCase, surface: Surface, points: Floats, beams: B
     np.maximum.at(least, group, _blocks(load, surface)[vertices])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[vertices])
-    block = least > 0.2 * around  # a fixed patch as wide as this share of the beams cannot turn
+    block = least > 0.2 * around  # a fixed area wider than this share of the beams' width cannot turn
     still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # farther supports need a link
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # supports at a larger distance need a link
     return NodeSupports(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
@@ -254,7 +254,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of groups of points: root of twelve times their variance along two axes."""
+    """Return length and width (h, 2), m, of groups of points, as of rectangles: the root of 12 times the variance."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))

@@ -20,13 +20,14 @@ Forces are averaged over these planes, because forces of a face are constant and
 
 @dataclass(frozen=True, eq=False)
 class Sections:
-    """Lines in which planes across an axis cut faces; index c counts the lines, e their ends on free edges.
+    """Lines in which planes across an axis cut faces. Index c counts the lines, e their ends on free edges.
 
-    station : (c,) numbers of the stations.    face : (c,).    length : (c,) metres, over the number of planes.
+    station : (c,) numbers of the stations.    face : (c,).
+    length  : (c,) metres, divided by the number of planes at a station.
     arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
-    weight  : (c, 2, 3) weights of the face's corners at both ends.
-    across  : (c, 3) unit vectors in the face, at right angles to the line, along the axis.
-    end_...  : the same quantities at ends on free edges, with weights (e, 3).
+    weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
+    across  : (c, 3) unit vectors in the face, at right angles to the line, in the direction of the axis.
+    end_...  : the same for the ends on free edges; weights (e, 3).
     end_out : (e, 3) unit vectors along the line, out of the face."""
 
     station: Ints
@@ -58,7 +59,7 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """Return arc lengths (c, 3) of the corners of cells; the three of a cell stay together on a closed axis."""
+    """Return arc lengths (c, 3), m, of the corners of cells; in a cell they differ by less than half a closed axis."""
     used, vertex_row = np.unique(surface.F[cells], return_inverse=True)
     count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
@@ -83,8 +84,8 @@ def _cut_cells(s: Floats, lengths: Floats, period: float) -> tuple[Ints, Ints]:
 
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
-    """Return the zero line of a level (c, 3) in triangles: weights (c, 2, 3) of the corners at both ends, edges (c, 2).
-    Each edge is given by the corner at which it begins."""
+    """Return the line in each triangle on which `level` (c, 3), linear between the corners, is 0.
+    The results are barycentric weights (c, 2, 3) of both ends, and their sides (c, 2); side k begins at corner k."""
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -224,7 +225,7 @@ def _force_sums(
 
 
 def _edge_forces(cut: Sections, section_forces: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """Return forces (e, 3), N, at ends of lines on free edges, the mean over the planes of a station."""
+    """Return forces (e, 3), N, on free edges at ends of lines, divided by the number of planes at a station."""
     source = graph.source[cut.end_face]
     frame = section_forces.frame[source]
     v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))

@@ -24,7 +24,7 @@ def fitting(halves: Floats, length: float) -> Floats:
 @dataclass(eq=False)
 class AxisJoints:
     """Nodes on the axes of members, collected step by step.
-    points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
+    points, names : of the nodes.    on : by member, the nodes on its axis, each as arc length and number.
     links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
     ends   : by member, begin and end of its beams, metres along its axis.
     grazed : nodes at which members share material beside their middle lines."""
@@ -120,7 +120,7 @@ Trees = Mapping[str, tuple[cKDTree, Floats]]
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Cut members beyond their last nodes, and join ends without a node to the nearest axis and to adjacent members."""
+    """Join ends without a node to the nearest axis and adjacent members; shorten members that pass their last node."""
     samples = [(member, *_samples(member)) for member in joints.members_with_axis]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.members_with_axis if member.axis and not member.axis.closed]
@@ -133,7 +133,7 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             nearest = _nearest(joints, member, span[side])
-            # a remainder shorter than the joined member's width belongs to the joint
+            # a piece beyond the last node belongs to the joint if it is shorter than the other member's width
             beyond = nearest and abs(nearest[0] - span[side]) < joints.other_width(member, nearest[1])
             if nearest and beyond and what not in ("edge", "free"):
                 span[side] = nearest[0]
@@ -143,10 +143,9 @@ def join_ends(joints: AxisJoints) -> None:
 def _join_touching(joints: AxisJoints, trees: Trees) -> None:
     """Join ends without a node to the members that continue their material.
 
-    Free ends join all such members; all other ends join members that also end there. So the arms of a star stay
-    connected, even across a few faces without an axis. The members must lie within the end's width. Ends with a node
-    stay unchanged:
-    links between them would make the preset `cantilever` 6 % stiffer than its sheet."""
+    A free end is joined to all members that touch it, other ends only to members that also end there. So the arms of a
+    star stay connected, even across a few faces without an axis. Members count as touching within the end's width. Ends
+    with a node stay unchanged: with links, the preset `cantilever` would be 6 % stiffer than its sheet."""
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
     borders = [np.unique(surface.edges.of[member.cells]) for member in joints.members_with_axis]
@@ -233,9 +232,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
-    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the 0.217
-    of a clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko,
-    Woinowsky-Krieger 1959, 19]."""
+    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). A clamped plate deflects by
+    0.217 Pa^2/(E t^3), the ratio is 0.73. With simple supports the factors are 0.637 and 0.552, the ratio is 1.15
+    [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

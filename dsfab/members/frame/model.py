@@ -52,8 +52,7 @@ class Frame:
         o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or of a member and a
-                number.
+    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or a member's with a number.
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
@@ -65,8 +64,8 @@ class Frame:
     combinations : by name, the factor of each case.    actions : permanent, snow, wind or variable by case; {}
                 if unknown.
     eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
-    stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
-                bay, because both form one wider piece there; 0 for links."""
+    stout     : (b,) width of the member divided by the length of the beam's bay; 1 if it grazes a member at an end of
+                the bay, because both form one wider piece there; 0 for links."""
 
     points: Floats
     nodes: tuple[str, ...]
@@ -199,7 +198,7 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
 
 
 def _bending(L: Floats, phi: Floats) -> Floats:
-    """Return the stiffness (b, 4, 4) for deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
+    """Return the stiffness (b, 4, 4) for deflection and rotation at both ends, divided by EI / (L^3 (1 + phi))."""
     twelve, far_end, near_end = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
     rows = [
         [twelve, 6 * L, -twelve, 6 * L],
@@ -240,7 +239,7 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         residual = np.abs(inside @ u[free] - f).max()
-        loose = 1e-5  # largest residual over loads of a frame that does not move freely
+        loose = 1e-5  # a frame is free to move if the residual exceeds this share of the loads
         if not residual <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
@@ -272,16 +271,15 @@ STOUT = 0.35
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """Results of a frame over those of its sheet for one case.
+    """Results of a frame divided by those of its sheet, for one case.
 
-    The sheet's ribs twist as bars here, because a thin sheet gives deep ribs many times the twisting stiffness of a
-    bar.
+    The ribs of this sheet twist as bars, because a thin sheet overestimates the torsional stiffness of deep ribs.
 
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
-    stout : share of the beams' elastic energy in links and in bays wider than 0.35 of their length or with grazing
-            members; or of the sheet's energy in material outside of axes, if this share is larger.
-    twist : largest displacement of the sheet over that of a thin sheet."""
+    stout : share of the elastic energy in links, in bays wider than 0.35 of their length, and in bays with grazing
+            members; or the share of the sheet's energy outside of members with an axis, if this is larger.
+    twist : largest displacement of the sheet with such ribs, divided by that of the thin sheet."""
 
     case: str
     compliance: float

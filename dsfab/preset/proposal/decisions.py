@@ -109,7 +109,7 @@ def takes_snow(surface: Surface) -> bool:
         return False
     up = surface.normals[:, 2] * surface.areas
     seen = float(np.abs(up).sum())
-    shown, once = 0.4, 1.2  # limits of the projected area over the area, and over its net value
+    shown, once = 0.4, 1.2  # ratios of the area in plan to the area, and to the area in plan without overlaps
     return seen > shown * surface.area and seen < once * abs(float(up.sum()))
 
 

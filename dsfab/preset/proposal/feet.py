@@ -123,7 +123,7 @@ class Foot:
 def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """Return the proposed supports of a surface with z up; `span`: metres that the surface bridges.
     flat   : the outer edge is the support.
-    closed : parts within `SOLE` of the height above the lowest point are feet, also with holes in its side.
+    closed : the lowest parts, up to `SOLE` times the height, are feet. Holes in the side of the surface are allowed.
     hung   : corners of the outer edge are feet, see `mast_corners`.
     else   : stretches of boundary around low points are feet: of the outer edge, of further edges that reach the
              ground, and of higher edges on a slope. Openings in the roof, with sheet below them, have no support."""
@@ -172,7 +172,7 @@ def _on_a_slope(surface: Surface, lines: dict[int, Floats], low_feet: list[Foot]
     middle = lowest.mean(axis=0)
     plan = (lowest - middle)[:, :2]
     across, along = np.linalg.svd(plan, compute_uv=False)[::-1]
-    if across < 0.1 * along:  # feet in one line do not define a plane
+    if across < 0.1 * along:  # points near one line do not define a plane
         return low_feet
     slope, *_ = np.linalg.lstsq(plan, lowest[:, 2] - middle[2])
 
@@ -274,9 +274,9 @@ def _stretches(loop: int, P: Floats, height: float, highest: float, span: float)
 
 def _valleys(z: Floats, depth: float) -> list[int]:
     """Return the lowest points of heights z (k,) along a closed line, with a rise of at least `depth` between any two.
-    Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending
-    order, and
-    each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth` deep."""
+    Method: persistence of minima [Edelsbrunner, Letscher and Zomorodian 2002]. Water fills the line in ascending order,
+    and each minimum begins a pool. If two pools meet, the shallower pool ends; its minimum counts if it is `depth`
+    deep."""
     k = len(z)
     pool = np.full(k, -1)
     lasting = {int(z.argmin())}

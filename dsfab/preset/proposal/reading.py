@@ -47,18 +47,18 @@ GROUND = 1e-3
 def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
     """Return the likely vertical axis: y or -y if the surface clearly stands better on it (Blender, web tools), else z.
 
-    suffix : suffix of the file, with the dot; see `CLEAR_IN`.
+    suffix : suffix of the file, with the dot; some formats need a clearer result for y, see `CLEAR_IN`.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
 
-    Three criteria judge an open surface: its area in plan, its boundary at the bottom minus that at the top, and its
-    stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower or a bowl,
-    have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall stands on
-    the ground with a long edge, its axis is z, or y for programs with y up."""
+    Three criteria judge an open surface: its area in plan, the length of its boundary at the bottom minus that at the
+    top, and its stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower
+    or a bowl, have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall
+    stands on the ground with a long edge, its axis is z, or y for programs with y up."""
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
         return "y"
-    below = surface.V[:, 1].min() < -GROUND * surface.size  # else -y up would put the whole surface under the ground
+    below = surface.V[:, 1].min() < -GROUND * surface.size  # -y up is possible
     axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
     score = {axis: _standing(surface, axis) for axis in axes}
     best_axis = max(axes, key=lambda axis: score[axis])
@@ -69,7 +69,7 @@ def _stands_on_ground(surface: Surface, up: Up) -> bool:
     """Return True for a wall or screen that stands with a long edge on the plane through the origin.
     With a wrong vertical axis its face would cross or touch that plane. A roof with y up is above y = 0."""
     V = upright_vertices(surface.V, up)
-    level, y = V[:, 2], V[:, 1]  # the other candidate for the axis up
+    level, y = V[:, 2], V[:, 1]  # y: coordinate along the other possible vertical axis
     limit = GROUND * surface.size
     if abs(level.min()) > limit or not (y.min() < -limit < limit < y.max() or np.ptp(y) < limit):
         return False
@@ -86,7 +86,7 @@ def _ends_in_level_rings(surface: Surface) -> bool:
     rings = [surface.V[loop] for loop in surface.loops]
     length = np.array([polygon_perimeter(ring) for ring in rings])
     level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
-    return bool(length[level].sum() > 0.8 * length.sum())  # doors and windows have the rest of the edges
+    return bool(length[level].sum() > 0.8 * length.sum())  # the rest are edges of doors and windows
 
 
 def _standing(surface: Surface, up: Up) -> float:
@@ -111,7 +111,7 @@ def is_nearly_closed(surface: Surface) -> bool:
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """Return the distance of the centre of mass inside the base, over the side of a square of the surface's area.
+    """Return the distance of the centre of mass from the edge of the base, divided by the root of the surface's area.
     V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
@@ -150,7 +150,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : differences from its file."""
+    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : texts about its repairs."""
 
     surface: Surface
     name: str
@@ -246,9 +246,9 @@ def _with_z_up(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Return an origin in whole metres near the lowest corner of a surface far from 0; 0 along near axes."""
+    """Return an origin in whole metres near the lowest corner of a surface; 0 for coordinates not far from 0."""
     low = surface.V.min(axis=0)
-    # STL files have single precision: at 100 times the size they round by 1/100 000 of it, and CAD programs lose digits
+    # at a distance of 100 times the size, STL files round coordinates to 1/100 000 of the size (single precision)
     is_far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(is_far, np.floor(low), 0.0).tolist())
 
@@ -282,7 +282,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """Return the axis, None for None; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
+    """Return the axis, or None if the user gave none; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
     for axis in get_args(Up):
         if axis == up:
             result: Up = axis

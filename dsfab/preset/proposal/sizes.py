@@ -49,19 +49,19 @@ class Sizes:
 
     @property
     def ratio(self) -> int:
-        """Span over thickness."""
+        """Ratio of span to thickness."""
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
     def with_feet(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
         """Return the sizes for a surface on feet (k, 3): thicker if the span far exceeds the shorter side of its plan.
 
-        The span is twice the distance in plan from the farthest vertex to the feet. For a roof with a far smaller span,
-        as around a courtyard, the sizes follow that span. The thickness is 1.1 times the usual one for the geometric
-        mean of span and side, because such a sheet bends most at clamped ends. The spacing grows with the thickness.
+        The span is twice the distance in plan from the feet to the vertex farthest from them. If the span of a roof is
+        far smaller than the side, as around a courtyard, all sizes follow it. If the span is far larger, the thickness
+        is 1.1 times that for the geometric mean of span and side: clamped ends bend most. The spacing grows too.
 
-        Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m, 1.6 at the 15 mm of its side, 8.5 at 40
-        mm, 11.6 at 80 mm; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm. An arched timber deck of 3.7 m x 60 m had a
-        utilisation of 144 % at 100 mm (a fifth of the spacing of its side), 106 % at 145 mm, 96 % at 160 mm."""
+        Buckling load factors of uncut steel sheets: a footbridge of 3 m x 30 m has 1.6 with 15 mm (the usual thickness
+        for 3 m), 8.5 with 40 mm, 11.6 with 80 mm; a roof of 12 m x 24 m has 13 with 60 mm, 56 with 130 mm. An arched
+        timber deck of 3.7 m x 60 m has a utilisation of 144 % with 100 mm, 106 % with 145 mm, 96 % with 160 mm."""
         if is_figure(surface) or not feet:
             return self
         distance, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
@@ -87,7 +87,7 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings, over half of the thickness, because chords replace the arcs."""
+        """Radius of the corners of openings; more than half the thickness, because chords replace the arcs."""
         return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
 
 

@@ -64,7 +64,7 @@ def proposal_text(
     keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic.
     marks : marks of the file, which replace proposed feet."""
     surface, stand = user_mesh.surface, () if "support" in marks else stands
-    file = "" if "origin" in keys else str(keys.get("file"))  # a new origin does not move the drawings in the file
+    file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file have the old origin
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
