@@ -45,7 +45,7 @@ SAMPLE_POINTS = 100
 class Symmetry:
     """A finite group of rotations and mirrors about a surface's centroid, and the images of its points.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
-    maps  : g sparse (n, n) matrices; maps[i] @ x reads a field x at the images R[i] V of the vertices.
+    maps  : g sparse (n, n) matrices; maps[i] @ x interpolates a field x at the images of the vertices under R[i].
     faces : (g, m) the face that contains the image of each face's centroid."""
 
     R: Floats
@@ -75,7 +75,8 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest difference of a field (n,) from its images, relative to the field, RMS over the area."""
+        """Return the largest difference of a field (n,) from its images: RMS over the area, divided by the field's
+        RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
@@ -222,7 +223,8 @@ def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> floa
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless forces equal their images: their resultants, and the forces smoothed over the mesh."""
+    """Raise PatternError unless the forces equal their images. Resultants and moments are compared first, then the
+    forces, which are smoothed because meshes are irregular."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -236,7 +238,8 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) averaged over neighbours `rounds` times; 6 rounds reach about two edges. Their sum stays."""
+    """Return forces (n, 3) averaged over neighbours `rounds` times; 6 rounds reach about two edges. The sum of the
+    forces is unchanged."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -295,13 +298,15 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """A sample of the supported points of each load case and a k-d tree of all of them, from the centroid."""
+        """For each load case: a sample of the supported points, and a k-d tree of all its supported points.
+        Coordinates are relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant, first moments (3, 3) about the centroid and sum of magnitudes of each case's forces, N and N m."""
+        """For each load case: resultant of the forces (N), first moments (3, 3) about the centroid (N m), and sum of
+        magnitudes (N)."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -343,9 +348,10 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface; normals point to farthest
-    points. The images of the outermost points, at least `samples`, must be near vertices. Then many points must lie on
-    the mirror or on the plane at right angles to it. The choice does not depend on the numbering."""
+    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Candidates for the normal
+    point to the points that are farthest from the axis. Images of the outermost points, at least `samples`, must be
+    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane at right angles to it. The
+    choice does not depend on the numbering."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -30,7 +30,8 @@ Refined = tuple[Floats, Floats, int, float]
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """A polyline (k, d) with the lengths along it (k,), its total length rounded to 1e-4 mm, and a number of samples.
+    """A polyline (k, d), the lengths along it (k,), its total length rounded to 1e-4 mm, and the number of samples to
+    fit.
     smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats
@@ -430,8 +431,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length read back (mm); raises ExportError if it differs too much from the
-    part's."""
+    """Return the relative error of a length read back (mm); raises ExportError if it is too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

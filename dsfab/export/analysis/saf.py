@@ -269,7 +269,7 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return a comparison of the beams with the sheet, one line for each case."""
+    """Return text that compares the beam model with the sheet, one line for each load case."""
     return "\n".join(part.details.facts)
 
 

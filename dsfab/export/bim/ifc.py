@@ -396,7 +396,8 @@ def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: 
         words["crossings counted with"] = ", ".join(facts.counted_with)
     values = []
     for key, value in words.items():
-        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # labels end at 255 letters
+        # an IFCLABEL has at most 255 characters
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = facts.member.id

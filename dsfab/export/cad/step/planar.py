@@ -134,7 +134,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return the position of the last corner up to each half-edge (h,) of its loop, and of the first corner after it.
+    """Return for each half-edge (h,) the positions of the last corner up to it in its loop, and of the next corner.
     alive : (h,) True for corners."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop

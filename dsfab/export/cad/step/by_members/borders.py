@@ -228,7 +228,8 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Return a sort key for a border's end. Above 45 degrees ends of arcs come first, because arcs stay whole."""
+        """Return the sort key of a place for a border's end: its angle, but angles above 45 degrees count as equal.
+        Among these, an end of an arc comes first, because the arc then stays whole."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -238,7 +239,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the degrees between a border and the outline; beside a round wall only a straight wall counts."""
+        """Return the angle (degrees) between a border and the outline at a node.
+        If only one of the two walls there is round, only the other wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -39,8 +39,8 @@ class MemberFile:
     """Checked file of a part by members.
 
     solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
-    there, back : largest distance from the mesh, and of the mesh from the solid, mm.    used : OCCT's trials, as
-                  text."""
+    there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm.
+    used : result of OCCT's trial cuts, as text."""
 
     text: str
     solids: int
@@ -117,8 +117,8 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 class _TriangleReport:
     """Report on OCCT's triangles.
 
-    there, back : distances from the mesh, and of the mesh from the triangles.    shape : OCCT's binary shape.
-    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
+    there, back : distances of the triangles from the mesh, and of the mesh from the triangles.
+    shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances
     back: MeshDistances
@@ -145,8 +145,8 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distance from the mesh, that of the mesh from the solid, and OCCT's shape. Raises ExportError
-    for a bad solid."""
+    """Return the largest distance of the solid from the mesh, the largest distance of the mesh from the solid, and
+    OCCT's shape. Raises ExportError for a bad solid."""
     # Largest error of OCCT's box over the diagonal. The error for a saddle of 5 m is 1.1 % by members, and 20 % for the
     # smooth file, which would otherwise be written.
     wide_box = 2e-2

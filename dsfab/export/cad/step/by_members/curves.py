@@ -120,7 +120,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a line, a parabola or a cubic spline."""
+        """Return the chain's curve for a spline of degree 1, 2 or 3."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -213,7 +213,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
     distance : allowed distance of a solid from its mesh, mm.
-    box      : (2, 3) around the skins. A curve stays cubic if its parabolas had poles more than `distance` outside."""
+    box      : (2, 3) box around the skins. A curve stays cubic if poles of its parabolas are over `distance`
+               outside."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]

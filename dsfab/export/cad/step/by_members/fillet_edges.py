@@ -32,7 +32,8 @@ PLACES = np.linspace(0, 1, 17)
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return curves (4, 6) in the parameters of a trimmed face's two surfaces, (2, 4, 2); None if they leave these."""
+    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a trimmed face's two surfaces.
+    Return None if the curves leave the surfaces."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
@@ -100,7 +101,8 @@ class LongSeam:
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return the poles (4, 6) of extended seams, by edge. A seam is extended if no other ends at its filled corner."""
+    """Return the poles (4, 6) of extended seams, by edge. A seam is extended if no other seam ends at its filled
+    corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
@@ -129,7 +131,8 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension (share of the seam) from which OCCT's tangent is off by `TANGENT_GAP` at a fillet's end."""
+    """Return the share of its length by which a seam must extend. From there OCCT extends it along its tangent, which
+    is off by `TANGENT_GAP` at the end of the largest fillet."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))

@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
-    An arc beside a short wall ends at any angle, and OCCT cannot round the edges there (8 of 12 at four feet)."""
+    Beside a short wall an arc ends at any angle, and OCCT rounded only 4 of 12 edges at four feet of members."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -66,7 +66,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return an outline's chains that end and begin at a node, and the end of its only border there, or None."""
+    """Return the outline's chain that ends at a node, the one that begins there, and the end of the only border there.
+    Return None at other nodes."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -219,7 +220,8 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region that lies between both members behind a fillet, or has a far shorter border; or None."""
+        """Return the crossing behind a fillet: the region between both members, or a region with a far shorter border
+        than the other region. Return None if there is no crossing."""
         smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]

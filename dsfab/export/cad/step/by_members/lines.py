@@ -55,7 +55,8 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics until `may_stay` accepts them: at a chain's end near the middle, or else in the middle."""
+        """Divide cubics until `may_stay` accepts them. A cubic is divided at a chain's end near its middle, or
+        otherwise in the middle."""
         shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
         middle_share = 1 / 4  # a chain's end within this share of a cubic is near the cubic's middle
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
@@ -292,7 +293,8 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners by chain. Without a known direction at an end, its chain's own counts."""
+        """Return the arcs of round corners by chain. At an end without a known direction, an arc has the direction of
+        its chain."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -335,7 +337,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) at the common end of two chains of the circle through their three ends."""
+        """Return the tangent (6,) of a circle where two chains meet. The circle passes through their three ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))

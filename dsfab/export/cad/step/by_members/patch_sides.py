@@ -40,7 +40,8 @@ class Quad:
 
 
 def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
-    """Return a region with its four sides; None for other regions. reach : mm of chain that give its direction."""
+    """Return a region with its four sides; None for other regions.
+    reach : length of a chain (mm) over which its direction at a corner is measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -53,7 +54,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # with more than four possible corners, no other node may turn more (degrees)
+    blunt_limit = 60.0  # with more than four possible corners, all except the four sharpest turn by less (degrees)
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -156,7 +157,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # within this share of the distance between stations, a division replaces a new station
+        snap_share = 0.15  # a division of the line within this share of the stations' distance replaces a new one
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -247,7 +248,8 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for good lines: of one chain, or near their chains and with fewer spans than separate fits."""
+        """Return True for each line to keep. A line of several chains must be near them, and have fewer spans than
+        separate fits of the chains."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}

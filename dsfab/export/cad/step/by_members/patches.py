@@ -73,8 +73,7 @@ class FaceLimits:
     gap : largest gap between trimmed faces and their edges.
     off : largest distance of a face from the points that it is fitted to, inside its edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3): excess (k,) over the allowed distance from the mesh; None without a
-                  limit."""
+    beyond_mesh : function of points (k, 3): excess (k,) over the allowed distance from the mesh; None: no limit."""
 
     gap: float
     off: float
@@ -87,7 +86,8 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest excess over the distance allowed from the mesh, inside outlines (., 3); -inf without limit."""
+    """Return how far surfaces inside outlines (., 3) are beyond the allowed distance from the mesh, at most; -inf
+    without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -162,7 +162,8 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return the least ratio of smallest to largest Jacobian of patches (..., 4, 4, 3), along their mean normal."""
+    """Return the least ratio of a patch's smallest to its largest Jacobian, for patches (..., 4, 4, 3).
+    The Jacobian is the length of the normal along the mean normal of the patch."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))

@@ -93,8 +93,8 @@ faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide each region with a single outline with nodes that bends too much. The first points of the net must be the
-    sheet's points."""
+    """Divide regions that bend too much, if they have a single outline with nodes. The first points of the net must be
+    the points of the sheet."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -155,7 +155,7 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # limit for the rest of the bend plus the cost of the seam; the bend before counts 1
+        most_left = 0.8  # limit of the cost after the division (rest of the bend plus seam); the cost before is 1
         seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]

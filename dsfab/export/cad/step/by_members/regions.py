@@ -55,7 +55,8 @@ class ChainNet:
 
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet.    parent : for regions without own cells, the region with theirs.
+    cell    : (m,) region of each cell of the sheet.
+    parent  : for a region without own cells, the region that it was cut from, which has its cells.
     twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
@@ -250,8 +251,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join consecutive outline chains of a round corner or a straight wall. P, N : (p, 3) points, normals of the
-    net."""
+    """Join consecutive outline chains of a round corner or a straight wall. P, N : (p, 3) net's points and normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined

@@ -173,7 +173,8 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares of an edge's cuts, beyond the fillets at its ends. halves : fillets' lengths over radius."""
+    """Return the shares at which an edge is cut, beyond the fillets at its ends.
+    halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()

@@ -164,7 +164,7 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if it overlaps in its mean plane.
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps in its mean plane.
     part : True if the points belong to a larger region; then only those inside the edges are used."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)

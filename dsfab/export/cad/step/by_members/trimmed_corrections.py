@@ -85,8 +85,7 @@ SLOPE_STEP = 1e-3
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Move the widest gap of each seam that ends at an outline to a point where OCCT samples gaps, so that OCCT finds
-    it.
+    """For each seam that ends at an outline, move its widest gap to a place where OCCT measures gaps.
     A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -97,7 +96,8 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with its widest gaps at OCCT's samples, if possible. exact_poles : of edges that stay exact."""
+    """Return a face whose widest gaps lie at OCCT's samples, if possible.
+    exact_poles : poles of the edges that must stay exactly on the face, by edge."""
     fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -128,7 +128,8 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return poles of lowest degree with the fewest widest gaps off the samples. exact : keep exact edges exact."""
+        """Return the poles of lowest degree for which the widest gaps of most seams lie at OCCT's samples.
+        exact : True to keep exact edges exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
@@ -223,8 +224,8 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return equations, rows (j, poles) and right sides (j,), for the gaps at samples, and for zero slope inside
-    seams."""
+    """Return equations for the gaps at samples, and for zero slope there inside seams: rows (j, poles), right sides
+    (j,)."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

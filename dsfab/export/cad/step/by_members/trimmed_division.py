@@ -120,7 +120,7 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide the faces that exceed their limits, see `allowance_used`, and add the new edges to the model.
-    inside : function that returns inner points (k, 6) by region.    away : function of points; returns vectors to
+    inside : function that returns inner points (k, 6) by region.    away : returns the vectors from points to the
              skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
@@ -132,8 +132,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio of a face's gap, inner distance, and distances from the box and the mesh to their
-    limits."""
+    """Return the largest ratio of a face's gap, inner distance, and distance from box or mesh to its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
@@ -188,7 +187,8 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # a CAD cut can split old gaps
+            # CAD programs can cut edges with gaps up to SPLIT, and the parts must keep this property
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
                     return two

@@ -131,7 +131,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return the indices (j,) of points with weights (k, n) half way between two faces beside a crease."""
+        """Return the indices (j,) of points, with weights (k, n), that lie beside a crease but in no single face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -147,8 +147,8 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return faces (count, 2) that contain the vertices of each row: both faces at an edge, one face twice, or
-        -1."""
+        """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1 if
+        none."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]

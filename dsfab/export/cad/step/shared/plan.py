@@ -21,7 +21,8 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances to the mesh, or back: `most` is the largest, `worst` the one farthest above its limit `allowed`."""
+    """Distances to the mesh, or back. most : the largest.    worst : the one farthest above its limit `allowed`.
+    bad : places where a distance is above its limit."""
 
     most: float
     worst: float

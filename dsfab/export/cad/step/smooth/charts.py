@@ -356,7 +356,7 @@ class ChartAtlas:
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
-        hopeless : function of the number of a failed chart; True ends the work, because the other charts are then
+        hopeless : function of a failed chart's number; True ends the work, because the other charts are then
                    useless."""
         # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3

@@ -44,7 +44,8 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Both faces of a region: its chart, and its loops, the outer loop first. Steps : edge, and True if forwards."""
+    """Both faces of a region: its chart, and its loops of edges, the outer loop first.
+    A step of a loop is the number of an edge, and True if the edge runs forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -175,8 +176,8 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
     """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
 
-    Chords of the edges do not show this crossing. The sides cross if their tangents turn the other way at the corner
-    than the vectors to their middles."""
+    Chords of the edges do not show this crossing. The sides cross if the turn of their tangents at the corner is
+    opposite to the turn of the vectors to their middles."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
