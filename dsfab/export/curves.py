@@ -30,8 +30,7 @@ Refined = tuple[Floats, Floats, int, float]
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """A polyline (k, d), the lengths along it (k,), its total length rounded to 1e-4 mm, and the number of samples to
-    fit.
+    """A polyline (k, d), the lengths along it (k,), its total length rounded to 1e-4 mm, and the number of samples.
     smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats

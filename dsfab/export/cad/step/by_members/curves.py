@@ -213,8 +213,7 @@ BOW_FACTOR = np.sqrt(3) / 36
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
     distance : allowed distance of a solid from its mesh, mm.
-    box      : (2, 3) box around the skins. A curve stays cubic if poles of its parabolas are over `distance`
-               outside."""
+    box      : (2, 3) box around the skins. A curve stays cubic if its parabolas have poles over `distance` outside."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]

@@ -86,8 +86,9 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return how far surfaces inside outlines (., 3) are beyond the allowed distance from the mesh, at most; -inf
-    without a limit."""
+    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh at their worst
+    point.
+    The result is -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -163,7 +164,7 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 def least_jacobian(P: Floats) -> float:
     """Return the least ratio of a patch's smallest to its largest Jacobian, for patches (..., 4, 4, 3).
-    The Jacobian is the length of the normal along the mean normal of the patch."""
+    The Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))

@@ -97,7 +97,7 @@ def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
     """Return a face whose widest gaps lie at OCCT's samples, if possible.
-    exact_poles : poles of the edges that must stay exactly on the face, by edge."""
+    exact_poles : by edge, poles of the curve on which an exact face must stay."""
     fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -224,8 +224,8 @@ def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return equations for the gaps at samples, and for zero slope there inside seams: rows (j, poles), right sides
-    (j,)."""
+    """Return equations, rows (j, poles) and right sides (j,), for the gaps at samples. Inside a seam, further equations
+    make the slope of the gap zero there."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

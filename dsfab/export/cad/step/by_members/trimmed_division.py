@@ -120,7 +120,7 @@ def divided_faces(
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """Divide the faces that exceed their limits, see `allowance_used`, and add the new edges to the model.
-    inside : function that returns inner points (k, 6) by region.    away : returns the vectors from points to the
+    inside : function that returns inner points (k, 6) by region.    away : function from points to vectors to the
              skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:

@@ -147,8 +147,7 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1 if
-        none."""
+        """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
