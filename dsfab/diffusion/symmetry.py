@@ -28,7 +28,7 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, as a share of the mean edge.
+IMAGE_OFF_SURFACE = 0.25
 """Largest distance of images of vertices from the surface, as a share of the mean edge."""
 OFF_SUPPORT = 1.0
 """Largest distance between images of supported vertices and supported vertices, in mean edges, the accuracy of a
@@ -37,7 +37,7 @@ picker."""
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
 
-SAMPLE_POINTS = 100  # Size of the sample of points that is checked before all points.
+SAMPLE_POINTS = 100
 """Number of points in the sample that is checked before all points."""
 
 
@@ -45,7 +45,7 @@ SAMPLE_POINTS = 100  # Size of the sample of points that is checked before all p
 class Symmetry:
     """A finite group of rotations and mirrors about a surface's centroid, and the images of its points.
     R     : (g, 3, 3) orthogonal matrices, the identity first.
-    maps  : g sparse (n, n) matrices; maps[i] @ x reads a field x at the images R[i] V of the vertices.
+    maps  : g sparse (n, n) matrices; maps[i] @ x interpolates a field x at the images of the vertices under R[i].
     faces : (g, m) the face that contains the image of each face's centroid."""
 
     R: Floats
@@ -75,15 +75,16 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest difference of a field (n,) from its images, relative to the field, RMS over the area."""
+        """Return the largest difference of a field (n,) from its images: RMS over the area, divided by the field's
+        RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes. The means of
-        the modes over the group span these modes: their singular values are 1 or 0 on a symmetric mesh. In the space of
-        these modes L is diagonalised again (Rayleigh and Ritz)."""
+        """Return the modes of X (n, k) that are equal at all images: eigenvalues (j,) and M-orthonormal modes (n, j).
+        They are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among these
+        combinations L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values are near 0 or 1
@@ -109,12 +110,12 @@ def checked_symmetry(
 ) -> Symmetry:
     """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
     tree : `face_tree` of the surface, if the caller has it.
-    Raises PatternError, with the name `words`, if the surface, its supports or one of the loads lack this symmetry."""
+    Raises PatternError, which quotes `words`, if the surface, its supports or a load lacks this symmetry."""
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // SAMPLE_POINTS, 1)]
     tree = tree or face_tree(surface)
-    for g in R[1:]:  # a sample refuses most surfaces quickly
+    for g in R[1:]:  # a sample of vertices already refuses most surfaces
         distance = largest_distance(surface, tree, (few - centre) @ g.T + centre)
         if distance > IMAGE_OFF_SURFACE * edge:
             raise _symmetry_error(words, "the surface is", f"its image is up to {distance:.3g} m away from it")
@@ -156,8 +157,8 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """Return all products (g, 3, 3) of mirrors and rotations, the identity first; raises PatternError for other
-    words."""
+    """Return the products (g, 3, 3) of mirrors and rotations, the identity first. Raises PatternError for an unknown
+    word, and for more than `LARGEST_GROUP` products."""
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -171,9 +172,9 @@ def largest_distance(surface: Surface, tree: igl.AABB, points: Floats) -> float:
 
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest
-    points. Points within a thousandth of a vertex count as the vertex, because files round coordinates. Then fields of
-    a symmetric mesh are equal at all images to the last digit, and so are all decisions by these fields."""
+    """Return the largest distance of points (p, 3) from the surface, and the matrix (p, n) that interpolates fields at
+    the nearest points of the surface. Barycentric weights below 1e-3 become 0, because files round coordinates. On a
+    symmetric mesh a field then has exactly equal values at all images of a vertex."""
     squared, face, nearest_points = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(nearest_points, surface.V, corner), 0, 1)
@@ -222,7 +223,8 @@ def _distance_to_marked(points: Floats, surface: Surface, marked: Bools) -> floa
 
 
 def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """Raise PatternError unless forces equal their images, both smoothed (meshes are irregular) and in resultants."""
+    """Raise PatternError unless the forces equal their images. Resultants and moments are compared first, then the
+    forces, which are smoothed because meshes are irregular."""
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(symmetry.R[1:], symmetry.maps[1:], strict=True):
@@ -236,7 +238,8 @@ def _check_loads(surface: Surface, symmetry: Symmetry, words: str, force: Floats
 
 
 def _smoothed_forces(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
-    """Return forces (n, 3) averaged over neighbours, by default over about two edges; their sum is unchanged."""
+    """Return forces (n, 3) averaged over neighbours `rounds` times; 6 rounds reach about two edges. The sum of the
+    forces is unchanged."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
@@ -250,7 +253,7 @@ TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
 """Rotations about an axis that the search tries, as fractions 1 / n of a full turn."""
 ROUND = (7, 5)
 """A surface counts as round if it is symmetric under rotations by both of these fractions of a full turn."""
-LENIENT = 1.5  # Factor on all tolerances in quick checks.
+LENIENT = 1.5  # quick checks multiply all tolerances by this factor
 
 
 def largest_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
@@ -295,13 +298,15 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For every load case a sample of the supported points, and a tree of them all, relative to the centroid."""
+        """For each load case: a sample of the supported points, and a k-d tree of all its supported points.
+        Coordinates are relative to the centroid."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Resultant, first moments (3, 3) and sum of the forces of every load case, N and N m."""
+        """For each load case: resultant of the forces (N), first moments (3, 3) about the centroid (N m), and sum of
+        magnitudes (N)."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
@@ -343,9 +348,10 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 
 
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
-    """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
-    The surface is round but its mesh is not, and this choice does not depend on the numbering. The images of at least
-    `samples` outermost points by the best mirror are nearest to vertices."""
+    """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Candidates for the normal
+    point to the points that are farthest from the axis. Images of the outermost points, at least `samples`, must be
+    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane at right angles to it. The
+    choice does not depend on the numbering."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

@@ -13,8 +13,9 @@ from dsfab.surface.fields import assemble, hat_gradients, tangents
 
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """Return the root mean square of the layers' stress along two axes of least shear: (m, 3, 3) Pa, symmetric,
-    tangent.
+    """Return one stress for all layers through the thickness: (m, 3, 3) Pa, symmetric, tangent to the faces.
+    Its principal axes have the least mean square of shear over the thickness. Each principal value is the root mean
+    square of the traction on its axis over the thickness.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
     bending  : (m, 3, 3) stress that bending adds at the bottom, the side that normals point away from, Pa.
@@ -47,7 +48,7 @@ def _deviator(planar: Floats) -> Floats:
 
 
 Labelling = Literal["signed", "magnitude"]
-ISOTROPY = 0.02  # A face whose principal stresses differ by a smaller share is isotropic: it has no direction.
+ISOTROPY = 0.02  # A face is isotropic if its principal stresses differ by less than this share of their RMS.
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,7 +30,7 @@ Refined = tuple[Floats, Floats, int, float]
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """A polyline (k, d) with the lengths along it (k,), its total length rounded to 1e-4 mm, and a number of samples.
+    """A polyline (k, d), the lengths along it (k,), its total length rounded to 1e-4 mm, and the number of samples.
     smooth : True for a closed line whose spline has the same tangent at both ends."""
 
     line: Floats
@@ -218,8 +218,8 @@ class Curve(Spline):
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
     """Fit a chain of at least two curves to the closed polyline `loop` (k, 2).
-    corner : (k,) True at vertices between two curves; the function adds sharp turns. A loop with at most one corner has
-             one smooth curve, which is split in two.
+    corner : (k,) True at vertices where a curve must end; curves also end at sharp turns. With at most one such vertex,
+             one curve is fitted and split in two.
     Returns None if a spline misses the tolerance."""
     corners = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(corners) > 1:
@@ -413,7 +413,7 @@ def sample_parameters(knots: Floats, per_span: int = 16) -> Floats:
 def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> ReadBack:
     """Compare the curves that a reader found in a file with the lines of a part.
     curves_read : by line id, points (k, 3) along each curve of the line (mm).
-    The total length must agree within the tolerance of bends, and each line must have its position.
+    The total length must agree within the tolerance of `check_length`, and each line must be at its place.
     Raises ExportError if the file differs from the part."""
     lines = {line.id: line.points for line in part.details.lines}
     if curves_read.keys() != lines.keys():
@@ -430,7 +430,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
 
 
 def check_length(part: Part, length_read: float) -> float:
-    """Return the relative error of a length (mm) to that of the part's lines; raises ExportError if too large."""
+    """Return the relative error of a length read back (mm); raises ExportError if it is too large."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(length_read - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

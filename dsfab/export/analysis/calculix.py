@@ -159,7 +159,7 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(nodes)), nodes + 1)
-            # CalculiX reads a line of integers as a direction, and a line with a decimal point as the stiffness
+            # below *SPRING, CalculiX reads integers as directions, and a number with a decimal point as stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(nodes)
 
@@ -179,7 +179,7 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """Return True for the components (p, 3) to write; smaller ones are rounding errors of the largest."""
+    """Return (p, 3) True for components to write; smaller components are rounding errors of the largest one."""
     rounding = 1e-14
     return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
@@ -209,7 +209,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the cards of the file back: number of beams, and coordinates of nodes."""
+    """Read the file back and compare the number of beams and the coordinates of nodes."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.beam_model
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)

@@ -46,7 +46,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the words of the script back: number of beams, and coordinates of nodes."""
+    """Read the script back and compare the number of beams and the coordinates of nodes."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)

@@ -205,7 +205,7 @@ def _supports(frame: "Frame") -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """Return a group for each kind of action. Snow cases exclude each other, and so do wind cases, as in EN 1990."""
+    """Return a load group for each kind of action. Snow cases exclude each other, and so do wind cases (EN 1990)."""
     return [
         {
             "Name": f"LG {kind}",
@@ -269,7 +269,7 @@ def require_xlsxwriter() -> None:
 
 
 def agreement_text(part: Part) -> str:
-    """Return a comparison of the beams with the sheet, one line for each case."""
+    """Return text that compares the beam model with the sheet, one line for each load case."""
     return "\n".join(part.details.facts)
 
 
@@ -294,7 +294,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read every sheet back with readers of the standard library: head, number of rows, coordinates of nodes."""
+    """Read every sheet back with the standard library and compare its head, number of rows and coordinates of nodes."""
     cells, sheets = workbook_cells(path), saf_sheets(part.name, part.details.beam_model)
     for sheet in sheets:
         rows = cells.get(sheet.name, [])

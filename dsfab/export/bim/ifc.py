@@ -31,7 +31,7 @@ Naming = Callable[[str], str]
 
 
 class Place(NamedTuple):
-    """Numbers of entities that elements refer to; 0 if material or properties are unknown.
+    """Numbers of the IFC entities that each element refers to; 0 for an unknown material or unknown properties.
     placement : placement of the whole roof.    part : placement of each part, relative to the roof."""
 
     body: int
@@ -245,7 +245,7 @@ def identifier(name: str, what: str) -> str:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell: millimetres, all triangles, closed bodies, the part's volume."""
+    """Read the file back with ifcopenshell: it must have millimetres, all triangles, closed bodies and the volume."""
     V, F = _arrays(millimetre_model(part, path))
     if not len(F):
         raise count_error(part, "triangles", len(part.F), 0)
@@ -317,7 +317,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read the file back with ifcopenshell: each member with its name, its closed triangles and its volume."""
+    """Read the file back with ifcopenshell: each member must have its name, closed triangles and its volume."""
     model = millimetre_model(part, path)
     meshes = {}
     for element in sorted(model.by_type("IfcBuildingElement"), key=lambda item: item.id()):  # by_type sorts by kind
@@ -376,7 +376,7 @@ def _add_quantities(
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard's name is Width
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard calls it Width
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
@@ -396,7 +396,8 @@ def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: 
         words["crossings counted with"] = ", ".join(facts.counted_with)
     values = []
     for key, value in words.items():
-        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # a label has a length limit
+        # an IFCLABEL has at most 255 characters
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"
         text = f"{kind}('{step_string(value)}')"
         values.append(entities.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = facts.member.id

@@ -103,7 +103,7 @@ def _ids(part: Part) -> Ids:
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Return a function from a name to a UUID; different arrays give different ids, so designs can share a model."""
+    """Return a function from names to UUIDs, which differ for other arrays, so that designs can share a Rhino model."""
     digest = hashlib.sha256()
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())

@@ -44,10 +44,8 @@ def piece_name(name: str, i: int, pieces: int) -> str:
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
     """Yield solids, products, colours and the end of the file, numbered from `free`.
-
-    shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
-    The header holds the product of the first piece; each other piece gets a product here.
-    """
+    shell : (f,) shell of each face.    faces : (f,) its entity.    solids : shells of each solid, the outer one first.
+    The header holds the product of the first piece; each other piece gets a product here."""
     entities_after = StepEntities(free)
     styles = [_style(entities_after, colour) for colour in COLOURS[: len(solids)]]
     styled = []
@@ -119,7 +117,7 @@ class StepEntities:
         return self.add(f"PLANE('',#{axes})")
 
     def curve(self, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
-        """Add a line (bounded: a polyline of two points) or a spline with poles (p, 3), millimetres."""
+        """Add a curve with poles (p, 3), mm: a line (a polyline of two points if `bounded`) or a spline."""
         if curve.is_straight and bounded:
             return self.add(f"POLYLINE('{title}',{references([self.point(p) for p in poles])})")
         if curve.is_straight:
@@ -306,11 +304,9 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Yield table after table, so that memory holds one table at a time.
-
-    vectors, normals : distinct values as in the file, and the index of each edge's or face's value.
-    digits           : decimals of normals.
-    """
+    """Yield the entities of one kind after another, so that memory holds one kind at a time.
+    vectors : distinct directions, and the index of each edge's direction.    normals : the same for the faces.
+    digits  : decimals of normals."""
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
     p, q = shape.edges.T
     outer = np.isin(np.arange(len(bounds)), shape.faces[:-1])
@@ -355,7 +351,7 @@ def _digits(shape: Polyhedron) -> int:
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """Estimate the length of the text of `entities` from numbers of rows; 10 % off at most."""
+    """Estimate the bytes of the text of `entities` from the numbers of its entities; 10 % off at most."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
     reference = np.log10(FIRST_FREE + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # length of '#' and a number

@@ -96,7 +96,7 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """Yield the chunks; raises BudgetError above `step_mb`, with the larger of the written and the `expected` size."""
+    """Yield the chunks. Above `step_mb`, raises BudgetError with the larger of written and `expected` bytes."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -108,9 +108,8 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
 
-    The exporter has already measured files by members and smooth files, so the file must hold the same bytes. If a
-    smooth file was cut on trial, its triangles by OCCT must also bound a solid.
-    """
+    Files by members and smooth files were already measured, so that only their bytes are compared here. If a smooth
+    file is for cutting (`cut`), OCCT's triangles must also bound a solid."""
     if part.step == "members":
         file = member_file(part)
         _require_same(part, path, file.text)

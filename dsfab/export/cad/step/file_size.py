@@ -93,7 +93,7 @@ def require_budget(part: Part, faces: int, size: float = 0.0) -> None:
 
 def writing_seconds(part: Part, strategy: str, faces: int) -> float:
     """Return the seconds to write a part with a strategy and a number of faces, and to read the file back."""
-    in_use = 6e-2  # if the user requests members, eight trial cuts and other tests take 0.06 s per face
+    in_use = 6e-2  # seconds for each face, for eight trial cuts and other tests, if the user requests members
     tried = in_use if strategy == "members" and not part.hurry else 0.0
     return LOADING_SECONDS + (COSTS[strategy].write + tried) * faces
 

@@ -137,11 +137,9 @@ def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlat
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """Return for each loop a length that is at most its distance from any other loop; inf if no other loop is in reach.
-
-    Points every s along two loops are at most s farther apart than the loops. The spacing s shrinks until it is small
-    compared with the result, but not below `least`, which is also the smallest result.
-    """
+    """Return for each loop a lower bound of its distance from any other loop; inf if no other loop is in reach.
+    Distances between points at a spacing s along the loops are at most s too large. So s is subtracted, and shrinks
+    until it is small compared with the result. `least` is the smallest spacing and the smallest result."""
     gaps, reach_limit = [np.inf] * len(loops), tolerance / GAP_SHARE
     spacing, remaining = 8 * reach_limit, list(range(len(loops)))
     while remaining and len(loops) > 1 and spacing >= least:

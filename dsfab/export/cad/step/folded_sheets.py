@@ -207,7 +207,7 @@ class FoldedShape:
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
     """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline is within the tolerance."""
-    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # openings and folds may lie this close together
+    walls, least_gap = dict[RunKey, list[Curve]](), tolerance / 8  # least gap between openings and folds, mm
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
         gaps = gaps_between([line[:, :2] for line in lines], tolerance, least_gap)
@@ -234,10 +234,8 @@ def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
 
 def _curve(line: Floats, tolerance: float) -> Curve:
     """Fit a curve to a line (k, 4) on both skins.
-
-    Points at equal shares of the two lengths lie opposite each other, because one skin is longer beside a fold.
-    Straight edges then stay lines.
-    """
+    Points at equal shares of both lengths form pairs, because one skin is longer beside a fold. So straight edges stay
+    lines."""
     upper, lower = (arc_lengths(line[:, s : s + 2]) for s in (0, 2))
     shares = [np.asarray(length / max(float(length[-1]), 1e-300)) for length in (upper, lower)]
     x = np.union1d(*shares)

@@ -19,9 +19,8 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     tolerance : largest distance of vertices from a joined plane, millimetres.
 
     Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
-    lower than FLATNESS has no plane, and could bridge an edge of the solid. So it joins only the neighbour across its
-    longest edge. Small turns add up, so a region with a vertex off its mean plane is divided again.
-    """
+    lower than FLATNESS has no exact plane, and could join two faces across an edge of the solid. So it joins only the
+    neighbour at its longest edge. Small turns add up, so a region with a vertex off its mean plane is divided again."""
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     units = unit_vectors(vectors)
@@ -88,7 +87,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(on_border)  # half-edges inside regions never end the loop below
+    turning = np.flatnonzero(on_border)  # from half-edges inside regions the loop below would never end
     while len(turning := turning[~on_border[onward[turning]]]):
         onward[turning] = follow[opposite[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(opposite))
@@ -135,7 +134,7 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: FaceOutlines) -> tuple[Ints, Ints]:
-    """Return for each position (h,) the last corner of its loop at or before it, and the first corner after it.
+    """Return for each half-edge (h,) the positions of the last corner up to it in its loop, and of the next corner.
     alive : (h,) True for corners."""
     corner_positions = np.flatnonzero(alive)
     loop = outline.loop
@@ -266,10 +265,9 @@ def _numbered_polyhedron(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: FaceOutlines, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """Return the first vertex of each step, the starts of loops, and the edge, ends (e, 2) and direction of each step.
-
-    The faces on both sides identify a long edge by its mesh edge with the smallest number.
-    """
+    """Return the first vertex of each step, the first step of each loop, and the long edges: the edge of each step, the
+    vertices (e, 2) of each edge, and True for steps along their edge.
+    The faces on both sides identify a long edge by its mesh edge with the smallest number."""
     a = F.ravel()[outline.h]
     is_corner = alive[a]
     run, end = ends_of_runs(is_corner, outline)

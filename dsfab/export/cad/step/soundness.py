@@ -41,7 +41,7 @@ class StepTriangles(NamedTuple):
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
     """Return OCCT's triangles after points at the same place were merged."""
-    same_place = 1e-9  # share of the size; OCCT draws each face alone, so points of two faces differ by rounding
+    same_place = 1e-9  # share of the diagonal; OCCT triangulates faces alone, so shared points differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
     grid = np.round(mesh.V / (same_place * size))
     _, once, point_number = np.unique(grid, axis=0, return_index=True, return_inverse=True)
@@ -58,8 +58,8 @@ def curved_soundness(
     deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
     shape      : OCCT's binary shape of the file.    on_redraw : called before faces are redrawn.
 
-    All faults except crossings come from the first triangles. Raises ExportError if OCCT takes too long.
-    """
+    The first triangles decide about all faults except crossings, for which faces are redrawn more finely. Raises
+    ExportError if OCCT takes too long."""
     sound, triangles = soundness(first_triangles.V, first_triangles.F), first_triangles
     crossing_faces: Ints = np.zeros(0, dtype=np.int64)
     for k in range(1, REDRAWING_ROUNDS + 1):
@@ -106,9 +106,7 @@ def _redraw(
     sound: Soundness, first_triangles: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
     """Redraw some faces with a smaller deflection; return the new judgement and the triangles.
-
-    All faces are redrawn if the new triangles have another topology, because they do not fit the other triangles.
-    """
+    If the new triangles have another topology, they do not fit the other triangles, and all faces are redrawn."""
     redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(redrawn.face), faces) or not _same_topology(first_triangles, redrawn):
         redrawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))

@@ -60,10 +60,9 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """Yield the part with each strategy in turn, the best first, or BudgetError for one above the budget.
+    """Yield the part with each strategy in turn, the best first, or the BudgetError of a strategy above the budget.
 
-    A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail.
-    """
+    A solid is simplified before faceting if the user gave a tolerance; otherwise only if all other strategies fail."""
     tighter = 1 / 4  # a second planar file has this share of the tolerance, because curves may cross in a narrow place
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
@@ -98,10 +97,9 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Return True if members are worth a try without a request: the sheet has stripes, and for `quick` it is open.
+    """Return True if members are tried without a request: the sheet has stripes, and for step = 'quick' a boundary.
 
-    A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid.
-    """
+    A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid."""
     sheet = _striped_sheet(part)
     return sheet is not None and (part.step == "auto" or bool(Surface(sheet.V, sheet.F).edges.boundary.any()))
 
@@ -153,8 +151,7 @@ def default_tolerance(part: Part) -> float:
     """Return the default tolerance of a planar file, millimetres.
 
     The tolerance is 0 for a solid that is neither flat nor folded, or whose folds are not creases. If the user requests
-    `planar`, it is not 0, and the encoder reports the reason.
-    """
+    `planar`, folds need not be creases."""
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:

@@ -22,8 +22,8 @@ TOUCHING_SHARE = 1 / 400
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
     """Return the chains of a region that cross another of its chains, seen along the region's mean normal.
-    A chain within `distance` mm of a corner also counts, and so do the chains that end at this corner. If the region is
-    turned inside out, all its chains count."""
+    A chain within `distance` mm of a node of other chains also counts, and so do the chains that end at this node. If
+    the region is turned inside out, all its chains count."""
     finest = 12  # a cubic gets at most 12 chords; the chords are short at its ends, where chains cross at small angles
     segments = 600  # an outline gets about 600 chords
     steps = [step for loop in net.loops[region] for step in loop]
@@ -39,7 +39,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for skin in (slice(3), slice(3, 6)):
         seen = [line[:, skin] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # two sides of a narrow region have changed places
+            return set(chain.tolist())  # the sides of a narrow region crossed, so its area is negative
         chain_numbers.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(ends_elsewhere & (_distances(seen, first_points) < distance))
         chain_numbers.update(chain[segment].tolist())
@@ -125,7 +125,7 @@ PLACES = np.linspace(0, 1, 65)
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """Remove borders that turn back, and replace each inner chain by the simplest curve near it; thickness in mm."""
+    """Remove hairpin borders, and replace each other inner chain by the simplest curve near it; thickness in mm."""
     sideways = 1 / 3  # a chain moves sideways by at most this share of the thickness
     sag = 1 / 400  # chords are off the curve by at most this share of the thickness; coarser polylines need many spans
     P = np.asarray(net.weights @ lifting.skins.points)
@@ -187,7 +187,7 @@ LONGEST_CHORD = 2.0
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """Move borders that end at round corners so that they meet the outline steeply; thickness in millimetres."""
-    rounds = 3  # one corner may consist of several chains
+    rounds = 3  # a border moves by one chain in a round, and a corner may consist of several chains
     for _ in range(rounds):
         work = _BorderEnds(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
@@ -209,7 +209,7 @@ class _BorderEnds:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def move_border(self, node: int) -> None:
-        sharp = 20.0  # the outline turns by 20 degrees or more; with flatter corners a dome gets 5 % more faces
+        sharp = 20.0  # degrees; borders at flatter turns of the outline stay, or a dome would get 5 % more faces
         gain = 15.0  # a new place must be at least 15 degrees steeper
         steep = 30.0  # a border that meets the outline at 30 degrees or more is not moved
         before, after, (seam, end) = self.nodes[node]
@@ -228,7 +228,8 @@ class _BorderEnds:
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Rank a place. Above 45 degrees the end of an arc ranks first, because the arc then remains whole."""
+        """Return the sort key of a place for a border's end: its angle, but angles above 45 degrees count as equal.
+        Among these, an end of an arc comes first, because the arc then stays whole."""
         enough = 45.0  # places steeper than 45 degrees rank equal
         steep, k, i = place
         return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
@@ -238,7 +239,8 @@ class _BorderEnds:
         return self.P[[points_before[-2], points_after[0], points_after[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Return the degrees between a border and an outline at a node; only the wall beside a round chain counts."""
+        """Return the angle (degrees) between a border and the outline at a node.
+        If only one of the two walls there is round, only the other wall counts."""
         P = self._points_around(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)

@@ -39,7 +39,8 @@ class MemberFile:
     """Checked file of a part by members.
 
     solids, faces, trimmed : numbers of solids, faces and trimmed faces.    gap : widest gap, mm.    volume : mm3.
-    there, back : largest distances from the mesh and back, mm.    used : result of OCCT's trial cuts."""
+    there, back : largest distance of the solid from the mesh, and of the mesh from the solid, mm.
+    used : result of OCCT's trial cuts, as text."""
 
     text: str
     solids: int
@@ -116,9 +117,8 @@ def _tried(part: Part, plan: SolidPlan, fine: bool) -> MemberFile:
 class _TriangleReport:
     """Report on OCCT's triangles.
 
-    there, back : distances from the mesh and back.    shape : OCCT's binary shape.
-    fault : reason why the triangles bound no solid, or why OCCT cannot tell.
-    """
+    there, back : distances of the triangles from the mesh, and of the mesh from the triangles.
+    shape : OCCT's binary shape.    fault : reason why the triangles bound no solid, or why OCCT cannot tell."""
 
     there: MeshDistances
     back: MeshDistances
@@ -127,7 +127,7 @@ class _TriangleReport:
 
     @classmethod
     def from_mesh(cls, mesh: StepMesh, gate: PieceJudge) -> "_TriangleReport":
-        """Judge a mesh without raising an error, because OCCT still checks the rest in parallel."""
+        """Judge triangles; an error becomes the `fault`, because OCCT still checks other properties in parallel."""
         triangles = step_triangles(mesh)
         forth, back = gate.distances(MM_PER_M * triangles.V, triangles.F)
         try:
@@ -145,9 +145,10 @@ def _require(passed: bool, complaint: str, error: type[ExportError] = ExportErro
 def _require_solid(
     part: Part, plan: SolidPlan, draft: MemberDraft, findings: list[OcctFinding], triangles: list[_TriangleReport]
 ) -> tuple[float, float, bytes]:
-    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a bad solid."""
-    # OCCT's box may be off by this share of the diagonal, because the box of a smooth file is worse: for a saddle of
-    # 5 m the box is 1.1 % off by members and 20 % off for the smooth file.
+    """Return the largest distance of the solid from the mesh, the largest distance of the mesh from the solid, and
+    OCCT's shape. Raises ExportError for a bad solid."""
+    # Largest error of OCCT's box over the diagonal. The error for a saddle of 5 m is 1.1 % by members, and 20 % for the
+    # smooth file, which would otherwise be written.
     wide_box = 2e-2
     gap, widest = max((finding.gap for finding in findings), default=0.0), GAP_SHARE * plan.limits.thickness
     faces = sum(finding.faces for finding in findings)
@@ -180,7 +181,7 @@ def _cut_once(part: Part, plan: SolidPlan, draft: MemberDraft, shape: bytes) -> 
 
 
 def _use_sentence(draft: MemberDraft, seconds: float) -> str:
-    """Describe all trials of the OCCT program; raises ExportError if a CAD program would fail with the file."""
+    """Describe OCCT's trial cuts and fillets; raises ExportError if a CAD program would fail with the file."""
     try:
         report = use_report(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:

@@ -25,7 +25,7 @@ class InnerSpline:
     """Cubic splines with continuous curvature on k spans between breaks (k + 1,); they are zero at both ends.
 
     places : (k + 1,) means of three knots; values at these places determine the spline [de Boor 1978, chapter XIII].
-    poles  : (k, 4, k + 1) share of each value in the poles of each span."""
+    poles  : (k, 4, k + 1) Bezier poles of each span for a unit value at each place."""
 
     breaks: Floats
     places: Floats
@@ -38,7 +38,7 @@ class InnerSpline:
 
     @cached_property
     def hats(self) -> Floats:
-        """(k + 1, k, 4) share of each pole of each span in the value at each place."""
+        """(k + 1, k, 4) weight of each Bezier pole of each span in the value at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         hats = np.zeros((count + 1, count, 4))
@@ -72,7 +72,7 @@ SAMPLES_PER_EDGE = 2
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Samples of a chain on the skins. Q : (k, 6) points on the outer and inner skin, mm. outline : True at an outline.
+    """Samples of a chain. Q : (k, 6) points on the outer and inner skin, mm. outline : True for a chain of an outline.
     chord : the mesh's smallest chord error along the chain, millimetres."""
 
     Q: Floats
@@ -120,7 +120,7 @@ class ChainCurve:
 
     @classmethod
     def from_spline(cls, spline: Spline, distance: float) -> "ChainCurve":
-        """Convert a line, a parabola or a cubic spline."""
+        """Return the chain's curve for a spline of degree 1, 2 or 3."""
         breaks = np.unique(spline.knots)
         x = READ_PLACES[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         values = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -212,8 +212,8 @@ BOW_FACTOR = np.sqrt(3) / 36
 
 def curves_as_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
     """Replace each curve whose cubics are nearly parabolas by parabolas.
-    distance : allowed distance of a solid from its mesh, mm. A curve stays cubic if poles of its parabolas would leave
-               the box (2, 3) by more than `distance`."""
+    distance : allowed distance of a solid from its mesh, mm.
+    box      : (2, 3) box around the skins. A curve stays cubic if its parabolas have poles over `distance` outside."""
     wide, tolerance = box + distance * np.array([[-1.0], [1.0]]), PARABOLA_SHARE * distance
     simple = [_are_parabolas(curve.spans, tolerance, wide) for curve in curves]
     return [replace(c, spans=as_parabolas(c.spans, 1)) if yes else c for c, yes in zip(curves, simple, strict=True)]
@@ -229,7 +229,7 @@ def as_parabolas(P: Floats, axis: int) -> Floats:
 def patches_as_parabolas(P: Floats, distance: float) -> Floats:
     """Lower the degree of patches (ku, kv, 4, 4, 6) to 2 in each direction in which the sides are parabolas.
 
-    No pole moves by more than a share of `distance`, millimetres; the sides do not change."""
+    No pole moves by more than `PARABOLA_SHARE` of the allowed `distance` from the mesh, mm; the sides do not change."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < ZERO_DIFFERENCE:
             Q = as_parabolas(P, axis)
@@ -239,7 +239,7 @@ def patches_as_parabolas(P: Floats, distance: float) -> Floats:
 
 
 def fewest_poles(P: Floats, axis: int) -> Floats:
-    """Return 3 poles along an axis if the cubics (k, 4, 6) are parabolas there, otherwise the 4 poles of the input."""
+    """Return P with 3 poles along an axis if its cubics are parabolas there; otherwise return P with its 4 poles."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < ZERO_DIFFERENCE:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -251,13 +251,13 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """Return the middle poles (...) of parabolas in cubic form (4, ...); a reversed curve gives the same digits."""
+    """Return the middle poles (...) of parabolas given as cubics (4, ...), bitwise equal for reversed curves."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
 def _are_parabolas(spans: Floats, tolerance: float, box: Floats) -> bool:
     """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
-    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # the ends turn by 0.5 degrees at most, and by 0.25 out of a skin
+    turn, turn_out = np.tan(np.deg2rad([0.5, 0.25]))  # end tangents turn at most 0.5 degrees, and 0.25 out of the skin
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

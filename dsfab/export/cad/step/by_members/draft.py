@@ -54,7 +54,7 @@ thousandth the edge becomes invalid."""
 
 
 class NetWriter:
-    """Writer of a model; it adds entities to `new`. thickness : mm. The two sides of a seam share their entities."""
+    """Writer of a model's STEP entities into `new`. thickness : mm. The two sides of a seam share their entities."""
 
     def __init__(self, entity_list: StepEntities, model: NetModel, thickness: float) -> None:
         self.new, self.model = entity_list, model
@@ -66,7 +66,7 @@ class NetWriter:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam]) -> list[int]:
-        """Add all faces and return their numbers. seams : extended seams by edge."""
+        """Add all faces and return their numbers. seams : the extended seams, by number of their edge."""
         numbers, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -187,7 +187,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
 
 
 def _draft(part: Part, plan: SolidPlan, fine: bool) -> MemberDraft:
-    least_walls = 3 / 4  # at least this share of an outline's chains become walls, usually 14 of 15
+    least_walls = 3 / 4  # estimate: at least this share of the outline chains become walls (usually 14 of 15)
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.from_sheet(plan.surface, plan.curved)
@@ -234,7 +234,7 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SolidPlan) -> ChainNet:
-    """Return the net of a piece: about one wall for each outline chain, and at least two faces for each region."""
+    """Return the simplified net of a piece: about one wall for an outline chain, two faces or more for a region."""
     lens_share = 1 / 3  # a region between two chains is removed if it is narrower than this share of the thickness
     wall_share = 1 / 20  # a wall between two borders is removed if it is shorter than this share of the thickness
     t, skins = plan.limits.thickness, lifting.skins
@@ -318,7 +318,7 @@ def _with_cut_ends(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """Return the poles around each trimmed region; a line that belongs to several outlines changes all of them."""
+    """Return the poles around each trimmed region; if one line changes, the poles around all its regions change."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -367,12 +367,12 @@ class _Fits:
 
 
 def _wanted_gap(thickness: float) -> float:
-    # To close 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
+    # For gaps below 0.004 mm in a sheet of 16 mm, most trimmed faces needed degrees of 4 to 7, and a third more poles.
     narrow_mm, thin_share = 0.01, 1 / 1500  # a gap is narrow enough below 0.01 mm and this share of the thickness
     return max(GAP_SHARE * thickness, min(narrow_mm, thin_share * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    # Along the rim of a vault of 12 m poles were 170 mm above the box of the surface, and OCCT's box grew as much.
-    share = 1 / 300  # poles may leave the box by this share of its size
+    # Without a limit, poles at the rim of a vault of 12 m lay 170 mm above its surface, and OCCT's box contained them.
+    share = 1 / 300  # poles may leave the box by this share of its diagonal
     return np.asarray(skins + share * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

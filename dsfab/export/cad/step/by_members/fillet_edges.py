@@ -32,15 +32,16 @@ PLACES = np.linspace(0, 1, 17)
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """Return poles (2, 4, 2) of curves (4, 6) in the parameters of both surfaces of a trimmed face, or None."""
+    """Return curves (4, 6) as poles (2, 4, 2) in the parameters of a trimmed face's two surfaces.
+    Return None if the curves leave the surfaces."""
     if np.abs(face.gaps(bernstein(PLACES) @ poles)).max() > FACE_TOLERANCE:
         return None
     return np.stack([places(surface, axes, poles[:, s]) for surface, axes, s in face.skins])
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along a side.
-    edge : (4, 6) the part on the side. share : (2,) of its parameter by which the curves extend before and after it."""
+    """Return ends (2, 2, 2) of curves (4, 6) in the parameters of a patch; None unless the curves run along its side.
+    edge : (4, 6) edge that the curves extend.    share : (2,) extensions before and after it, in its parameter."""
     P = patch.poles
     for axis in (0, 1):
         for fixed in (0, 1):
@@ -91,17 +92,17 @@ extended seam was off by up to 1.4e-5 mm; with the movement its tolerance is 4e-
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """Extended seam, or the edge of a wall beside a corner where such a seam ends.
+    """Extended seam, or the edge of a wall beside a corner where an extended seam ends.
     poles : (4, 6) of its curves, mm.
-    on    : by face (patches first, trimmed faces last), poles (2, k, 2) of the curves in parameters of both surfaces.
-    """
+    on    : by face (patches first, trimmed faces last), the curves as poles (2, k, 2) in its surfaces' parameters."""
 
     poles: Floats
     on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """Return poles (4, 6) of extended seams, by edge: of each seam that alone ends at a filled corner."""
+    """Return the poles (4, 6) of extended seams, by edge. A seam is extended if no other seam ends at its filled
+    corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _extensions(model, bent).items()}
 
@@ -130,7 +131,8 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """Return the extension at which OCCT's tangent is off by `TANGENT_GAP`, beside a fillet of `LARGE_FILLET_SHARE`."""
+    """Return the share of its length by which a seam must extend. From there OCCT extends it along its tangent, which
+    is off by `TANGENT_GAP` at the end of the largest fillet."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -146,9 +148,8 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """Extend surfaces along extended seams; return model, faces, and by edge the seams and the edges beside them.
-
-    A seam that leaves one of its faces is not extended."""
+    """Extend surfaces along extended seams. Return the model, the trimmed faces, and by edge the extended seams and the
+    edges beside them. A seam that would leave one of its faces is not extended."""
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -195,7 +196,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """Return boxes and places (2, 2, 2) by patch, for seams that continue a wall's edge; places lie beyond the seam."""
+    """Return the parameter boxes and places (2, 2, 2) that patches must cover beside seams along a wall's edge."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _extensions(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -210,7 +211,7 @@ def _beside_straight(
 
 
 def _wider_box(patch: NetPatch) -> Floats:
-    wider = 1 / 100  # share of the thickness; OCCT extends the seam nearly along the wall's edge, onto the patch
+    wider = 1 / 100  # growth of a patch over the thickness; the seam that OCCT extends then lies on the patch
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -279,8 +280,8 @@ DENSE = np.linspace(0, 1, 129)
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Order the walls around each outline and their edges, as OCCT needs for fillets.
-    An outline begins where it is smoothest. If it has only corners, its first and its last corner belong to the first
-    wall. An edge of this wall must end at each of these corners, so a wall with a single edge gets two edges."""
+    An outline begins at the smoothest joint of two walls. If this joint is a corner, an edge of the first wall must end
+    at each of the wall's corners. So a single edge is cut in two, and the first edge is reversed."""
     work, walls = CutEdges(model), list[NetWall]()
     face_of_edge = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in outlines(model):
@@ -313,11 +314,9 @@ def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Return the shares where an edge with corners is cut.
-
-    Between a corner and its cut, no gap to the trimmed face may be wider than at both ends. The cut is at most
-    `LONGEST_SHARE` from a corner that is rounded at the end of this edge.
-    corners : tangents of half the turns, 0 without a corner.
-    """
+    Between a corner and its cut, no gap to the trimmed face may be wider than the gaps at the corner and at the cut.
+    corners : tangents of half the turns at start and end, 0 without a corner.
+    ending  : True at a corner where the directed edge ends; there the cut is at most `LONGEST_SHARE` away."""
     exact = 1e-6  # OCCT ignores a gap below this (mm)
     thick, long = (float(np.linalg.norm(v)) for v in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
@@ -341,14 +340,14 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model that are cut or reversed. forwards : by edge, the steps that replace it."""
+    """Edges of a model while they are cut or reversed. forwards : by old edge, the steps that replace it."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, ChainLoop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares in its direction; with `against`, the first part is reversed."""
+        """Cut an edge at `stops`, shares in the direction `ahead`. against : reverse the first part."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()

@@ -1,4 +1,4 @@
-"""Round corners of openings: they join the regions beside them, and borders move to the ends of the corners' arcs."""
+"""Round corners of openings: their regions join neighbours, and borders of members move to the ends of the arcs."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -39,7 +39,7 @@ def _moved_points(P: Floats, points: Ints, ends: list[int]) -> Floats:
 
 def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> ChainNet:
     """Remove walls shorter than `shortest` mm between the ends of two borders; both borders then end in one place.
-    Beside a short wall, an arc ends at any angle: at four feet of members eight of twelve edges took no fillet."""
+    Beside a short wall an arc ends at any angle, and OCCT rounded only 4 of 12 edges at four feet of members."""
     fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, node_ends = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
@@ -53,7 +53,7 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first_gives_way = turned[0] < turned[1]  # the wall at the straighter end takes the short wall
+        first_gives_way = turned[0] < turned[1]  # the short wall joins the wall at its straighter end
         joined_wall, border = (before[0], before[2]) if first_gives_way else (after[1], after[2])
         if joined_wall not in chains or chains[joined_wall].left == chain.left or border in moves:
             continue
@@ -66,7 +66,8 @@ def without_short_walls(net: ChainNet, lifting: Lifting, shortest: float) -> Cha
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Return an outline's chains that end and begin at a node, and the end of its only border there, or None."""
+    """Return the outline's chain that ends at a node, the one that begins there, and the end of the only border there.
+    Return None at other nodes."""
     outline, borders = outline_through(net, ends), [end for end in ends if net.chains[end[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
@@ -79,10 +80,10 @@ def turn_at(three: Floats) -> float:
 
 
 class _Arcs:
-    """Arcs of round corners that grow by their parts in outlines of members.
+    """Arcs of round corners, extended by their continuations in the outlines of members.
 
-    Such a part is a short chain beside an arc. No border ends between the two chains, and the member's wall continues
-    the part."""
+    A continuation is a short chain after an arc, beyond the border at the arc's end. The member's wall follows it, and
+    no border ends between continuation and wall."""
 
     def __init__(self, net: ChainNet, P: Floats, arcs: frozenset[int]) -> None:
         self.P, self.chains, self.arcs = P, dict(net.chains), arcs
@@ -153,8 +154,8 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take_region(self, region: int) -> None:
-        # The length along the members behind a fillet is at most 2.2 times its arc, or 4 times for two members, whose
-        # walls contain a part of the arc. It is 1.27 times for a right angle, 1.65 for 60 degrees, and 3 for a square.
+        # Largest length of a fillet's inner borders over its arc; the second value is for two members, whose walls
+        # contain a part of the arc. The ratio is 1.27 for a right angle, 1.65 for 60 degrees, and 3 for a square.
         detour, flat_detour = 2.2, 4.0
         if len(self.loops[region]) != 1:
             return
@@ -219,7 +220,8 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: ChainLoop, neighbours: list[int]) -> int | None:
-        """Return the region behind a fillet that borders on both members, or is far smaller than the other."""
+        """Return the crossing behind a fillet: the region between both members, or a region with a far shorter border
+        than the other region. Return None if there is no crossing."""
         smaller = 0.6  # the crossing is a region whose border is shorter than this share of the other border
         if len(inner) == 3 and len(set(neighbours)) == 3:
             return neighbours[1]
@@ -246,7 +248,7 @@ class _Fillets:
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _divide_arc(self, inner: ChainLoop, neighbours: list[int], halves: list[Ints]) -> None:
-        """Divide an arc between the first and the last region behind it; the part of the last region comes first."""
+        """Divide an arc between the first and last region behind it. halves : points of their parts, in this order."""
         for i, ((k, ahead), neighbour) in enumerate(zip(inner, neighbours, strict=True)):
             replacement: ChainLoop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None

@@ -31,7 +31,7 @@ class ChainLine:
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Return pairs of parameters between which the space beside the line is void. Material is on the left."""
+        """Return (start, end) parameters of the line's parts along outlines, each with the material on its left."""
         pairs = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -55,11 +55,10 @@ class ChainLine:
         return self._divide(lambda a, b, P: (float(a), float(b)) not in marked)
 
     def _divide(self, may_stay: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Divide cubics in the middle, or where a chain ends near it, until `may_stay` accepts them."""
-        shortest = 1 / 16  # a shorter part of the line's parameters stays, because ends of lines may lie outside a box
-        middle_share = (
-            1 / 4
-        )  # a chain's end is near the middle of a cubic if it is at most this share of the cubic away
+        """Divide cubics until `may_stay` accepts them. A cubic is divided at a chain's end near its middle, or
+        otherwise in the middle."""
+        shortest = 1 / 16  # shorter spans are not divided, because poles at the ends of lines may lie outside the box
+        middle_share = 1 / 4  # a chain's end within this share of a cubic is near the cubic's middle
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -237,8 +236,8 @@ def with_arcs(
     rounded: Collection[int],
     arcs_on_skins: ArcsOnSkins,
 ) -> NetLines:
-    """Replace lines of round corners, the chains `rounded`, by arcs within tolerances (mm, by chain)."""
-    rounds = 4  # without an arc that is refused, the arcs beside it change and may leave their chords
+    """Replace lines along round corners by arcs. tolerances : mm, by chain. rounded : chains of round corners."""
+    rounds = 4  # each refused arc changes the arcs beside it, which may then leave their chains
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(rounds):
@@ -261,7 +260,7 @@ def _largest_distance(Q: Floats, curve: ChainCurve) -> float:
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], tolerances: Mapping[int, float]) -> set[int]:
-    """Return the chains of outlines that bend inside, or are chords of arcs within tolerances (mm, by chain)."""
+    """Return the outline chains of round corners: bent chains, and chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(zip(nodes, _turns([(chains[a], chains[b]) for a, b in nodes.values()]), strict=True))
     outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
@@ -294,7 +293,8 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """Return the arcs of round corners by chain. Without a common direction a chain keeps its direction."""
+        """Return the arcs of round corners by chain. At an end without a known direction, an arc has the direction of
+        its chain."""
         result = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -337,7 +337,7 @@ class _Corners:
         return d if steep else None
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """Return the tangent (6,) where two chains meet, of the circle through their three ends."""
+        """Return the tangent (6,) of a circle where two chains meet. The circle passes through their three ends."""
         spans_before, spans_after = self.curves[before].spans, self.curves[after].spans
         a, b, c = spans_before[0, 0], spans_before[-1, -1], spans_after[-1, -1]
         length_before, length_after = (float(np.linalg.norm(_mean_direction(chord))) for chord in (b - a, c - b))
@@ -366,7 +366,7 @@ def _bends(chains: Sequence[SampledChain]) -> list[bool]:
         return []
     Q, chain_number = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     directions = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # each is the vertex before an inner vertex
+    inside = np.flatnonzero(chain_number[2:] == chain_number[:-2])  # index before each inner vertex
     cosines = turns(directions[inside], directions[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(chain_number[inside[cosines < np.cos(BEND_ANGLE)]].tolist())
     return [i in bent for i in range(len(parts))]

@@ -101,7 +101,7 @@ def net_model(
 ) -> NetModel:
     """Build the model of a net.
     covering : builds patches; a region whose patches are bad is trimmed.
-    patched  : quads that are divided into any number of patches."""
+    patched  : four-sided regions that are not trimmed for having more than `MOST_CELLS` patches."""
     stations, quad_list = SideStations(lines, chains), list(quads)
     whole_quads = [quad for quad in quad_list if quad.region not in patched and stations.cells(quad) > MOST_CELLS]
     compact = frozenset(quad.region for quad in whole_quads if _compact(quad, chains))
@@ -219,7 +219,7 @@ def backwards(loop: ChainLoop) -> ChainLoop:
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    limit = 10.0  # the outline is 8 times the mean width for a square, 9 times for two squares, 10.7 times for three
+    limit = 10.0  # outline over mean width: 8 for a square, 9 for a row of two squares, 10.7 for a row of three
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
     return sum(float(chains[k].lengths[-1]) for k, _ in steps) <= limit * mean_width(line)

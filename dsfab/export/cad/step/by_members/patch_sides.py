@@ -40,7 +40,8 @@ class Quad:
 
 
 def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledChain], reach: float) -> Quad | None:
-    """Return a region with its four sides; None for other regions. reach : mm, within which directions are measured."""
+    """Return a region with its four sides; None for other regions.
+    reach : length of a chain (mm) over which its direction at a corner is measured."""
     if len(loops) != 1 or len(loops[0]) < 4:
         return None
     loop = loops[0]
@@ -53,7 +54,7 @@ def quad_of(region: int, loops: list[ChainLoop], chains: Mapping[int, SampledCha
 
 
 def _corners(angle: Floats) -> Ints | None:
-    blunt_limit = 60.0  # with more than four possible corners, no other node may turn more (degrees)
+    blunt_limit = 60.0  # with more than four possible corners, all except the four sharpest turn by less (degrees)
     straight_limit = 30.0  # a node with a smaller turn (degrees) is not a corner
     deviation = 180 - angle
     corners = np.flatnonzero(np.abs(deviation) > straight_limit)
@@ -79,7 +80,7 @@ def _angles(loop: ChainLoop, chains: Mapping[int, SampledChain], reach: float) -
 
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends as shares of the length."""
+    """Side of a region. parts : consecutive parts of lines.    at : (k + 1,) their ends as shares of its length."""
 
     parts: list[LinePart]
     at: Floats
@@ -94,14 +95,14 @@ SideGrid = tuple[list[LinePart], list[LinePart], list[LinePart], list[LinePart]]
 
 
 class SideStations:
-    """Stations: points that divide opposite sides of regions alike. stops : divisions of each line."""
+    """Stations: points where two opposite sides of a region are divided. stops : stations of each line (parameters)."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """Number of patches of a region between its stations."""
+        """Number of patches into which the stations divide a region."""
         bottom_side, right_side, top_side, left_side = (self._side(steps) for steps in quad.sides)
         pairs = (bottom_side, top_side.backwards()), (left_side.backwards(), right_side)
         along, up = (1 + len(paired_shares(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
@@ -145,7 +146,7 @@ class SideStations:
         return first_parts, self._parts_between(second_side, second_breaks, pairs[1])
 
     def _parts_between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], cuts: Floats) -> list[LinePart]:
-        """Divide a side at shares (k,) of its length; a share that is no break becomes a station of a line."""
+        """Divide a side at shares (k,) of its length; a share where its lines have no break yet becomes a station."""
         ends, parts = np.concatenate([[0.0], cuts, [1.0]]), list[LinePart]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -156,7 +157,7 @@ class SideStations:
         return parts
 
     def _add_station(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        snap_share = 0.15  # a new station moves to a division within this share of the gap between stations
+        snap_share = 0.15  # a division of the line within this share of the stations' distance replaces a new one
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -171,8 +172,8 @@ class SideStations:
 
 
 def paired_shares(first_shares: Floats, second_shares: Floats) -> tuple[Floats, Floats]:
-    """Pair the positions at which two opposite sides need stations; return the pairs as ascending shares (k,).
-    Near shares form a pair. If both sides have equally many shares and none differ by much, all form pairs. A share
+    """Pair the stations of two opposite sides; return their positions as ascending shares (k,) of each side's length.
+    Near stations form a pair. If both sides have equally many and none differ by much, they pair in order. A station
     without a partner gets one by interpolation between its neighbours."""
     tolerance = 0.1  # paired stations differ by at most this share of a side
     if len(first_shares) == len(second_shares) and (np.abs(first_shares - second_shares) < tolerance).all():
@@ -203,9 +204,9 @@ class LineFits:
     """Fits of lines, with a cache for chains with unchanged points.
 
     distance : allowed distance of a solid from the mesh, mm.    box : (2, 3) box that must hold the poles, mm.
-    skins    : (2, 3) box around the skins, which must hold the poles of a parabola.
-    away     : function of points (k, 6); returns vectors to both skins.    closely : divide cubics that leave the
-               skins."""
+    skins    : (2, 3) box around the skins, which must hold the poles of a parabola, mm.
+    away     : function of points (k, 6); returns vectors to both skins.
+    closely  : True to halve cubics that leave the skins."""
 
     def __init__(
         self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
@@ -216,7 +217,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """Fit the lines of a net. A line has at most as many spans as separate fits of its chains."""
+        """Fit lines along the chains of a net. A line has no more spans than separate fits of its chains together."""
         turns, self.within = partial(_turn, chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: OUTLINE_SHARE * self.distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -247,7 +248,8 @@ class LineFits:
         return min(self.within[k] for k, _ in row)
 
     def _are_good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Return True for each line of one chain, or near its chains and with fewer spans than separate fits."""
+        """Return True for each line to keep. A line of several chains must be near them, and have fewer spans than
+        separate fits of the chains."""
         maybe = [x for x in lines if len(x.curve.spans) > 1 and self._is_near(net, x)]
         runs = iter(self._fits(net, chains, [[step] for x in maybe for step in x.steps]))
         fewer = {id(x): len(x.curve.spans) < sum(len(next(runs).curve.spans) for _ in x.steps) for x in maybe}
@@ -271,8 +273,8 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def _halve_strays(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """Halve the cubics that would leave the skins between the places where cubics are moved onto the skins.
-        Without this step, a patch was 1.5 mm off a mesh point where 1.49 are allowed."""
+        """Halve the cubics that leave the skins between the places that `on_skins` moves onto the skins.
+        Without this step, a patch was 1.5 mm off a mesh point, where 1.49 are allowed."""
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -287,8 +289,8 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """Return each chain's tolerance (mm): shares of the allowed distance and the chord error, or of a narrow
-    opening."""
+    """Return the tolerance (mm) of each chain: shares of the allowed distance and of the mesh's chord error. Around a
+    narrow opening it is at most a share of the opening's width."""
     tolerances = {k: OUTLINE_SHARE * distance + CHORD_SHARE * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -320,7 +322,7 @@ def _turn(chains: Mapping[int, SampledChain], reach: float, first_end: ChainEnd,
 
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: Turn, arcs: Collection[int]) -> dict[ChainEnd, ChainEnd]:
-    """Pair the ends of chains that form one line: inside a side of a region, and along smooth outlines.
+    """Pair the ends of chains where one line continues: between chains of a region's side, and along smooth outlines.
     An arc may continue an outline, but not a border between members."""
     smooth = 10.0  # two chains of an outline become one line if it turns by at most 10 degrees
     candidates = list[tuple[int, float, ChainEnd, ChainEnd]]()

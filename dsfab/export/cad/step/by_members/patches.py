@@ -71,10 +71,9 @@ class FaceLimits:
     """Limits of faces, millimetres.
 
     gap : largest gap between trimmed faces and their edges.
-    off : largest distance of inner points, also if the gap is wider but small enough to split edges.
+    off : largest distance of a face from the points that it is fitted to, inside its edges.
     box : (2, 3) box that must hold the poles.
-    beyond_mesh : function of points (k, 3) that returns their excess (k,) over the allowed distance, or None.
-    """
+    beyond_mesh : function of points (k, 3): excess (k,) over the allowed distance from the mesh; None: no limit."""
 
     gap: float
     off: float
@@ -87,7 +86,9 @@ def largest_excess(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """Return the largest excess of surfaces inside outlines (., 3) over the allowed distance; -inf without a limit."""
+    """Return by how much surfaces inside outlines (., 3) exceed the allowed distance from the mesh at their worst
+    point.
+    The result is -inf without a limit."""
     if beyond_mesh is None:
         return -np.inf
     inside = [places_inside(*skin, outlines) for skin, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)]
@@ -162,7 +163,8 @@ def _break_shares(side_spans: Floats, opposite_spans: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """Return for patches (..., 4, 4, 3) the smallest over the largest normal component along the mean normal."""
+    """Return the least ratio of a patch's smallest to its largest Jacobian, for patches (..., 4, 4, 3).
+    The Jacobian is the component of the surface's normal vector along the patch's mean normal."""
     P, x = P.reshape(-1, 4, 4, 3), np.linspace(0, 1, 5)
     B, C = bernstein(x), np.stack([(1 - x) ** 2, 2 * x * (1 - x), x**2], axis=1)
     du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
@@ -174,8 +176,8 @@ def least_jacobian(P: Floats) -> float:
 
 class PatchBuilder:
     """Builder of patches, with a cache by region and curves, because each change of a net affects few regions.
-    away : function of points (k, 6); returns the vectors to both skins.    limits : of patches, at their middles too.
-    """
+    away : function of points (k, 6); returns the vectors to both skins.
+    limits : allowed distances of the patches from the skins and from the mesh."""
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.away, self.limits = away, limits
@@ -203,7 +205,7 @@ class PatchBuilder:
 
 
 def _stray_distances(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """Return the (k,) largest distance of the middles of patches from the skins; skins of coarse meshes wave."""
+    """Return for each region the largest distance (k,) of the middles of its patches from the skins."""
     half = bernstein(np.array([0.5]))[0]
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     distances = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
@@ -215,8 +217,8 @@ def _starts(parts: Sequence[Floats]) -> Ints:
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) excess of patches over the allowed distance from the mesh; -inf without a limit.
-    A patch beside a crease met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed."""
+    """(k,) largest excess of each region's patches over the distance allowed from the mesh; -inf without a limit.
+    Beside a crease, the middle of a patch lay on the skins, but its side was 1.4 mm off the mesh (1.1 are allowed)."""
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, B = [P.reshape(-1, 4, 4, 6) for P in patches], bernstein(np.linspace(0, 1, 7))

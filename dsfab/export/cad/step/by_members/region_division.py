@@ -78,7 +78,7 @@ def _long_walls(net: ChainNet, loops: list[ChainLoop], P: Floats) -> tuple[int, 
 
 
 def _narrow(net: ChainNet, end: ChainLoop, P: Floats, width: float, region_area: Floats) -> bool:
-    """Return True if the line between the ends of a row of chains cuts off a narrow piece, or lies outside."""
+    """Return True if the chord of a row of chains cuts off a narrow piece of the region, or lies outside of it."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ region_area) < 0
 
@@ -93,8 +93,8 @@ faces were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: SmoothLimits) -> ChainNet:
-    """Divide each region that bends too much, if it has one outline with nodes. The sheet's points come first in the
-    net."""
+    """Divide regions that bend too much, if they have a single outline with nodes. The first points of the net must be
+    the points of the sheet."""
     most_seams = 200  # a sheet gets at most 200 seams
     work = _BendSeams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least_cosine(r) for r, loops in net.loops.items() if len(loops) == 1}
@@ -124,7 +124,7 @@ class _BendSeams:
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's normal is inexact
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # a sliver's own normal would be inexact
         self.N = unit_vectors(N) * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least_cosine(self, region: int) -> float:
@@ -155,7 +155,7 @@ class _BendSeams:
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        most_left = 0.8  # the cost of the rest of the bend and of the seam must be below 0.8; the whole bend costs 1
+        most_left = 0.8  # limit of the cost after the division (rest of the bend plus seam); the cost before is 1
         seam_cost = 0.1  # a seam as long as the root of the region's area costs 0.1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]

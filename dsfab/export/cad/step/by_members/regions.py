@@ -55,9 +55,9 @@ class ChainNet:
 
     weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
     loops   : by region, with the region on the left.    loose : regions outside of all stripes.
-    cell    : (m,) region of each cell of the sheet.    parent : original region of each divided region without cells.
-    twins   : pairs of points on both sides of a seam, see `StripedSheet`.
-    """
+    cell    : (m,) region of each cell of the sheet.
+    parent  : for a region without own cells, the region that it was cut from, which has its cells.
+    twins   : pairs of points on both sides of a seam, see `StripedSheet`."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -251,7 +251,7 @@ class _BorderWalk:
 
 
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """Join the outline chains inside round corners and straight walls. P, N : (p, 3) points and normals of the net."""
+    """Join consecutive outline chains of a round corner or a straight wall. P, N : (p, 3) net's points and normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     degree[list(net.twins)] = 0  # chains on the two sides of a seam are not joined
@@ -289,7 +289,7 @@ def _outline_points(loop: ChainLoop, position: int, chains: dict[int, Chain]) ->
 
 
 def _is_outline_end(line: Floats, N: Floats) -> bool:
-    """Return True if an outline with points (5, 3) has a sharp corner in the middle, or a round corner's end there."""
+    """Return True if an outline has a sharp corner at the middle of points (5, 3), or if a round corner ends there."""
     if len(line) < 5:
         return True
     d = np.diff(line, axis=0)
@@ -342,7 +342,7 @@ MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range
 
 @dataclass(frozen=True, eq=False)
 class RegionInterior:
-    """Points on the skins inside regions.    fine : True if long cells get the points `MORE`."""
+    """Points on the skins inside regions.    fine : True for more points (`MORE`) in long cells."""
 
     sheet: StripedSheet
     lifting: Lifting
@@ -369,8 +369,8 @@ class RegionInterior:
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """Return (m,) True for cells with a side longer than the thickness, or long for a region of size (m,)."""
-        # In a notched region of 200 mm, a surface of degree 9 waved by 4 mm between points of cells of 50 mm.
+        """Return (m,) True for cells with a side longer than the thickness, or long for their region's size (m,)."""
+        # With points only every 50 mm, a surface of degree 9 waved by 4 mm in a notched region of 200 mm.
         region_share = 1 / 6
         P = np.asarray(self.sheet.weights @ self.lifting.skins.points)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)

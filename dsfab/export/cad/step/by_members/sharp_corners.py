@@ -1,4 +1,4 @@
-"""Trimmed faces and rims of openings, moved onto their edges beside sharp corners so that fillets succeed."""
+"""Sharp corners for fillets: trimmed faces move onto their edges there, or the rims of openings move onto the faces."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ from dsfab.export.splines import bernstein
 
 @dataclass(frozen=True)
 class MovedRim:
-    """Changes for one face: rim pieces that move onto the face, and new edges and vertices (6,) by number."""
+    """Changes that move rim pieces onto a face: numbers of the pieces, and new edges and vertices (6,) by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -50,7 +50,7 @@ class Rims:
         """Return the changes that move the rim pieces around a face onto the face; None without such pieces.
         on_seams : True if the face runs through the seams at corners, so that the rim pieces there can lie on it, too.
         """
-        nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # a cubic has four heights
+        nodes, around = np.linspace(0, 1, 4)[:, None], _edges_of_face(face)  # heights at 4 places determine a cubic
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
         ends = {e: (self.edges[e].start, self.edges[e].end) for e in around}
         face_pieces = [e for e in sorted(self.pieces_around(face)) if on_seams or free.issuperset(ends[e])]
@@ -114,8 +114,8 @@ MOVED = 1 / 400
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
-    A face stays if no degree fits within `SPLIT`, or if its inside moves by more than `MOVED`. Its rims then move onto
-    the face as far as they may."""
+    A face stays if no degree fits within `SPLIT`, or if its inside moves by more than `MOVED`. Then the rims around it
+    move onto the face instead, if they move by at most `SPLIT`."""
     face_edges = {e for face in faces for loop in face.loops for e, _ in loop}
     near_vertices = {v for e in face_edges for v in (model.edges[e].start, model.edges[e].end)}
     corners = {v: half for v, half in corner_tangents(model).items() if v in near_vertices}
@@ -154,7 +154,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held_curves: Iterable[Mapping[int, F
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """Return the face with moved rims; None if its rims move, or its edges are off, by more than `SPLIT`."""
+    """Return a face after its rims moved onto it; None if a rim moves, or an edge is off it, by more than `SPLIT`."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -173,7 +173,8 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Return the shares where an edge is cut, beyond the fillets at its ends, which reach radius times `halves`."""
+    """Return the shares at which an edge is cut, beyond the fillets at its ends.
+    halves : length of the fillet at each end, divided by its radius."""
     shortest_cut = 0.1  # a cut part is longer than this share of the edge
     radius = FILLET_SHARE * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, shares = bernstein(TEST_PLACES) @ poles, list[float]()
@@ -181,7 +182,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             limits = zip((radius * half, INNER_SHARE * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if the edge is short
+            x = max(float(np.interp(far_as, skin, TEST_PLACES)) for far_as, skin in limits)  # 1 if no place is so far
             if x > 1 - shortest_cut:
                 return []
             shares.append(1 - x if end else x)
@@ -190,7 +191,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
 
 
 def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Floats]) -> TrimmedFace:
-    """Return a face that runs through its held edges, curves with poles (4, 6); the old face if that fails."""
+    """Return a face that runs exactly through its edges in `held_curves`, poles (4, 6); the old face if that fails."""
     curves = [held_curves[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held_curves.keys())]
     if not curves:
         return face
@@ -210,16 +211,16 @@ def _flush_face(face: TrimmedFace, model: NetModel, held_curves: Mapping[int, Fl
 
 
 def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], largest_move: float) -> Floats | None:
-    """Return the poles of a surface through the first points, all points (k, 3); None if that fails.
-    The surface is within `FLUSH_TOLERANCE` of the second points, and near the third points, which lie on edges. At the
-    fourth points, inside, it is within `largest_move` of the old surface."""
-    # If a residual after three degrees is above 20 times its limit, the search ends. The worst of 502 faces that became
-    # flush had 10.3 times; without this limit hopeless faces took nine tenths of the time.
+    """Return the poles of a surface through the first of four groups of points (k, 3); None if that fails.
+    The surface is within `FLUSH_TOLERANCE` of the second group, and within `SPLIT` of the third, on all edges. The
+    fourth group is inside; there the surface is within `largest_move` of the old one."""
+    # The search ends if a residual is above 20 times its limit after three degrees. Of 502 faces that succeeded later,
+    # the worst had 10.3 times; without this rule, hopeless faces took nine tenths of the time.
     hopeless = 20.0
     more_degrees = 6  # the degree of a surface rises by at most 6
     exact = 5e-8  # OCCT ignores 1e-7 mm, and the rounding of poles takes half of it
-    # Weights of old places and of second differences of the moves. With the first pair, faces with three corners of
-    # openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed; with the second pair 0.02 mm.
+    # Two trials of weights: they hold the old surface, and smooth its movement. With the first pair, faces with three
+    # corners of openings were 0.07 to 0.3 mm off other edges, more than `SPLIT`; with the second pair 0.02 mm.
     weights = (1.0, 1e-2), (0.1, 1e-4)
     local, limits = poles @ axes.T, (FLUSH_TOLERANCE, SPLIT, largest_move)
     parameters, heights = [places(poles, axes, group) for group in points], [group @ axes[2] for group in points[:3]]
@@ -246,12 +247,9 @@ def _surface_through(poles: Floats, axes: Floats, points: tuple[Floats, ...], la
 
 
 def _moves(rows: list[Floats], distances: list[Floats], calm: float, smooth: float) -> Floats:
-    """Return the movement (k,) of pole heights that brings the surface onto the first points and near the third points.
-    rows : basis (., k) for each kind of points.    distances : from the surface to each kind of points."""
-    held_weight, move_weight = (
-        1e6,
-        1e-4,
-    )  # weights of the first points and of the moves; the third points have the weight 1
+    """Return the movement (k,) of pole heights that brings the surface onto the first group of points, near the third.
+    rows : basis (., k) at each group.    distances : from the surface to each group."""
+    held_weight, move_weight = 1e6, 1e-4  # of the first group and of the movement; the third group has weight 1
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), move_weight * np.eye((degree + 1) ** 2), calm * STILL_ROWS(degree)]
     right = np.concatenate([held_weight * distances[0], distances[2], np.zeros(sum(map(len, still)))])

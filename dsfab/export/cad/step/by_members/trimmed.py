@@ -25,8 +25,8 @@ from dsfab.export.splines import bernstein, polyline_length
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
-    """Parallelogram around edges, in the plane of the first two axes (3, 3).
-    origin : (3,)    sides : (2, 2) its directions.    low, high : (2,) its extent along these.
+    """Parallelogram around the edges of a face, in the plane of the first two axes (3, 3).
+    origin : (3,)    sides : (2, 2) directions of its sides.    low, high : (2,) its extent along the sides.
     uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges."""
 
     origin: Floats
@@ -57,8 +57,8 @@ class FaceDomain:
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """Choose the two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
-        The corners of the parallelogram count, at the heights of a quadratic surface through all points."""
+        """Choose two of the directions `ways` (k, 2), right-handed, whose parallelogram leaves the box least.
+        Its corners are compared with the box, at the heights of a quadratic surface through all points."""
         least_sine = 1 / 4  # surfaces over flatter parallelograms are folded where they bend
         places_in_plane = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(places_in_plane), self.z, check_finite=False)[0]
@@ -164,8 +164,8 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[ChainLoop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """Fit the faces of a region with inner points (k, 6); raises ExportError if every plane sees it overlapping.
-    part : True if the points are those of a larger region, which may bend away."""
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if the region overlaps in its mean plane.
+    part : True if the points belong to a larger region; then only those inside the edges are used."""
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
@@ -198,7 +198,7 @@ def inside_outlines(points: Floats, lines: list[Floats]) -> Bools:
 
 def inside_of(line: Floats) -> Floats:
     """Return (k, d) points inside an outline (n, d) at which the movement of a surface is measured."""
-    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # shares of the way to the line
+    shares, middle = np.array([0.3, 0.5, 0.7, 0.85, 0.95]), line.mean(axis=0)  # from the middle to the line
     return np.asarray((middle + shares[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
@@ -245,10 +245,9 @@ def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
     """Fit a surface; return poles, axes, the gap at the edges, and the distance from inner points.
-
-    ways : chords of the edges. CAD programs draw boxes around poles. If poles over a rectangle leave the box, the
-           surface lies over the parallelogram along two chords that leaves the box least.
-    """
+    ways : chords of the edges.
+    CAD programs compute boxes from poles. So if the poles over a rectangle leave the box, the surface lies over the
+    parallelogram along two of the chords that leaves the box least."""
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.from_edges(points, edges, axes, np.eye(2))
     poles, gap, inner_distance = _fit_domain(over, limits)
@@ -262,8 +261,8 @@ def _surface(
 
 
 def _fit_domain(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    # Poles may lie this multiple of `limits.off` above or below all points. Poles of a higher degree are nearer: with
-    # them OCCT's box of a dome was 13 mm too high instead of 38 mm.
+    # If a pole lies more than this multiple of `limits.off` above or below all points, the degree rises by one. The
+    # poles are then nearer: OCCT's box of a dome was 13 mm too high instead of 38 mm.
     high = 2.0
     z, gap, inner_distance = _best(over, limits)
     if len(z) == BASE_DEGREE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
@@ -278,7 +277,7 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """Return the distances (k,) in mm of a closed line (k, 6) from a surface fitted to it and to inner points (j, 6).
-    The result is the larger distance of both skins, and infinite if the points overlap in every plane."""
+    The result is the larger distance of both skins, or infinite if the region overlaps in its mean plane."""
     return np.maximum(*misfits(points, line, degree))
 
 
@@ -305,7 +304,7 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """Turn axes (3, 3) about the last one if the rectangle around a line (k, 3) becomes far smaller.
     A smaller rectangle has fewer poles without points."""
-    least_gain = 3 / 4  # corners of a turned rectangle leave the region's box, so its area must be this share or less
+    least_gain = 3 / 4  # axes turn only if the area falls below this share, because the new corners leave the box
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     smallest = int(np.argmin(area))
@@ -320,9 +319,9 @@ def _base_poles(over: FaceDomain) -> Floats:
 def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
     """Return heights of poles over a domain, and the distances of the surface from edges and inner points.
 
-    High degrees wave between the points and gain little. If no trial closes the gap as wanted, the result is the trial
-    with the least inner distance among those whose edges can be split, or otherwise with the least sum.
-    """
+    Low degrees come first, because high degrees wave between points. If no trial reaches `limits.gap`, trials with a
+    gap up to `SPLIT` compete by their distance from inner points. Without these, the least sum of both distances
+    wins."""
     z, inside, base = over.z, over.inside, _base_poles(over)
     fits, splittable = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL_TRIALS, *FURTHER_TRIALS)):
@@ -340,7 +339,7 @@ def _best(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """Return poles (p + 1, p + 1) near heights z (k,) and near poles `base`; A (k, (p + 1)^2) is the basis."""
+    """Fit pole heights (p + 1, p + 1) to heights z (k,); the change from `base` is smooth. A : basis (k, (p + 1)^2)."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())

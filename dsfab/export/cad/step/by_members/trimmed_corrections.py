@@ -35,8 +35,8 @@ def without_strays(
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
     """Refit faces that are too far off the skins between their points, with more points.
-    points : (k, 6) of each fit.    away : function of points; returns the vectors to both skins. If the distance from
-             the mesh is limited, faces stay unchanged, because `divided_faces` judges them."""
+    points : (k, 6) that each face was fitted to.    away : function of points; returns the vectors to both skins.
+    If the distance from the mesh is limited, faces stay unchanged, because `divided_faces` judges them."""
     rounds = 2  # a face that was corrected in one place may stray in another place
     result, todo, fit_points = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(rounds):
@@ -58,7 +58,7 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], tolerance: float
 ) -> list[Floats]:
-    """Return for each face points (k, 6) of the skins at its samples; none if all are within `tolerance`."""
+    """Return for each face points (k, 6) on the skins beside its samples; none if all are within `tolerance`."""
     samples = [_places(model, face) for face in faces]
     ways = away(np.concatenate(samples))
     result = list[Floats]()
@@ -85,7 +85,7 @@ SLOPE_STEP = 1e-3
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, which then measures this gap.
+    """For each seam that ends at an outline, move its widest gap to a place where OCCT measures gaps.
     A face stays unchanged if that opens a gap above `SPLIT`, or moves its inside by more than `SPLIT`."""
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -96,7 +96,8 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], exact_poles: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """Return a face with its widest gaps at samples, if possible. exact_poles : of edges that stay exact."""
+    """Return a face whose widest gaps lie at OCCT's samples, if possible.
+    exact_poles : by edge, poles of the curve on which an exact face must stay."""
     fine = 5e-4  # below this gap (mm) poles keep all digits, because rounding would move the peak
     face_edges = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in face_edges if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
@@ -127,7 +128,8 @@ class _PeakSurface:
     edges: Floats
 
     def with_peaks_at_samples(self, exact: bool) -> Floats:
-        """Return the poles of lowest degree with the fewest peaks off the samples. exact : keep exact edges exact."""
+        """Return the poles of lowest degree for which the widest gaps of most seams lie at OCCT's samples.
+        exact : True to keep exact edges exact."""
         more_degrees = 2  # the degree of a surface may rise by 2
         exact_gap = 1e-6  # an edge with at most this gap (mm) is exact and stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
@@ -145,9 +147,9 @@ class _PeakSurface:
         return float(np.abs(self._gaps_and_cosines(poles @ self.axes.T)[0]).max(axis=1).min())
 
     def _rounds(self, local: Floats, exact_gap: float) -> list[tuple[Floats, int]]:
-        """Yield heights of poles after each round, and the number of misplaced peaks. exact_gap : mm."""
+        """Return for each round the heights of poles, and the number of seams with misplaced gaps. exact_gap : mm."""
         rounds = 6  # peaks move in at most 6 rounds
-        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences and moves; edge points have 1
+        peak, smooth, still = 1e4, 1e-2, 1e-4  # weights of peaks, second differences, moves; edge points weigh 1
         degree, z, result = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._gaps_and_cosines(local)
         rows, pinned = self._seam_rows(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -188,7 +190,7 @@ class _PeakSurface:
         return rows_at(self._places(self.seams + ways[:, None, None]))
 
     def _seam_rows(self, degree: int) -> Floats:
-        """(3, e, k, poles) basis at points of seams, and one step along both axes beside these points."""
+        """(3, e, k, poles) basis at points of seams, and at one step from these points along each axis."""
         return self._step_rows(degree).reshape(3, *self.seams.shape[:2], -1)
 
     def _gaps_and_cosines(self, local: Floats) -> tuple[Floats, Floats]:
@@ -215,14 +217,15 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """Return the sample nearest to the peak of gaps (k,), and the wanted gap there; 0 means any gap."""
+    """Return the sample nearest to the widest of gaps (k,), and the wanted gap there; 0 if any gap is allowed."""
     higher = 1.003  # the moved peak is made higher, because another peak may be as high
     peak = int(np.abs(gaps).argmax())
     return BETWEEN * round(peak / BETWEEN), higher * float(gaps[peak]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Return rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make the gaps flat."""
+    """Return equations, rows (j, poles) and right sides (j,), for the gaps at samples. Inside a seam, further equations
+    make the slope of the gap zero there."""
     slope = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12  # five consecutive gaps give the slope in the middle
     pin_rows, pin_values = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():

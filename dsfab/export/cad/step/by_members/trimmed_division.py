@@ -36,7 +36,7 @@ POINTS = 8
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """Outline of a region, with its edges halved. A place is the index of a half edge.
+    """Outline of a region, with its edges halved. A place is the start of a half edge, given by its index.
     poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop."""
 
     poles: Floats
@@ -62,10 +62,10 @@ class HalvedOutline:
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Yield pairs of places, ascending, whose chord is clear inside the outline.
-        Chords from the `worst` places (k,) come first and all other chords last, each group by length over the smaller
-        area that the chord cuts off. Each group has at most `times * TRIED / 2` pairs."""
-        least_width = 1 / 20  # share of the thickness; OCCT draws no triangles of a lens of 1.6 x 0.2 mm
+        """Yield pairs of places, the smaller first, whose chord lies inside the outline and clear of it.
+        Chords at the `worst` places (k,) come first, then all others. Each group is sorted by length over the smaller
+        area that the chord cuts off, and has at most `times * TRIED / 2` pairs."""
+        least_width = 1 / 20  # width of a part over the thickness; OCCT makes no triangles of a part of 1.6 x 0.2 mm
         axes = axes_of(middle_normal(self.line))
         line, place_points = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(place_points), 1)
@@ -84,7 +84,7 @@ class HalvedOutline:
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     """Return True if the chord between points a and b (2,) of a closed line (k, 2) is clear of the line."""
-    clear = 0.3  # smallest distance from the outline over the distance from the nearer end of the chord
+    clear = 0.3  # least distance of a chord's point from the outline, over that from the chord's nearer end
     shares = np.linspace(0, 1, 17)[1:-1]
     P, directions = a + shares[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
@@ -119,8 +119,8 @@ def divided_faces(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """Divide the faces whose edges no cut could split; add the edges between the parts to the model.
-    inside : function that returns inner points (k, 6) of regions.    away : function of points; returns vectors to
+    """Divide the faces that exceed their limits, see `allowance_used`, and add the new edges to the model.
+    inside : function that returns inner points (k, 6) by region.    away : function from points to vectors to the
              skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
@@ -132,7 +132,7 @@ def divided_faces(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """Return the largest ratio to its limit of gap, inner distance, and distances from the box and the mesh."""
+    """Return the largest ratio of a face's gap, inner distance, and distance from box or mesh to its limit."""
     out = max(distance_outside(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
     astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # OCCT's triangles are off by the deflection
@@ -141,7 +141,7 @@ def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
 
 class _FaceDivision:
     """Division of regions, one after another.
-    halves : new edges of each halved edge.    times : factor of the number of tried seams."""
+    halves : the two new edges of each halved edge.    times : multiple of the usual number of tried seams."""
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -149,7 +149,7 @@ class _FaceDivision:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Divide a face with inner points (k, 6). Near a limit from the mesh, more seams are tried."""
+        """Divide a face with inner points (k, 6). If the distance from the mesh is limited, more seams are tried."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -187,7 +187,8 @@ class _FaceDivision:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can split the old face
+            # CAD programs can cut edges with gaps up to SPLIT, and the parts must keep this property
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)
             if worse < least and not wide:
                 if self.times == 1:
                     return two

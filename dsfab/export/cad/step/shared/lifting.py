@@ -37,7 +37,7 @@ def crease_edges(surface: Surface) -> Bools:
     crease = np.zeros(len(bend), dtype=bool)
     for _ in range(2):  # the second round finds creases at faces with two sharp edges
         rest = np.where(crease | ~inner, 0.0, bend)
-        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) sharper of the two other edges
+        sharper_other = rest[edges.of[:, OTHER_EDGES]].max(axis=2)  # (m, 3) larger bend of the two other edges
         around = np.zeros(len(bend))
         np.maximum.at(around, edges.of, sharper_other)
         crease |= inner & (bend >= np.maximum(LEAST_BEND, BEND_RATIO * around))
@@ -54,9 +54,7 @@ def crease_edges(surface: Surface) -> Bools:
 
 def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
     """Extend creases straight from their ends; return (e,) True for their edges.
-
-    A face where several creases meet has another sharp edge, so an edge is compared with the flatter of the two others.
-    """
+    An edge is compared with the flatter of the two other edges of its faces, because the third edge may be a crease."""
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHER_EDGES]].min(axis=2))
@@ -79,13 +77,13 @@ ZERO_WEIGHT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class CreaseSides:
-    """Vertices of a surface as (s,) columns: the n vertices, then one column for each side of a vertex on a crease.
+    """Columns (s,) of weight matrices at creases: the n vertices, then a copy of each crease vertex for each of its
+    sides.
 
-    creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
+    creases : (k, 2) edges, the smaller vertex first, sorted.    vertex : (s,) of each column.
     corner  : (m, 3) column of each face's corners.    normals : (s, 3) normal of each column.
     half    : (s,) half the thickness, see `DenseSurface`.
-    mitre   : (s, 3) metres, from half the thickness along a normal to the point where both sides meet.
-    """
+    mitre   : (s, 3) metres, from the end of `half` along the normal to the point where the skins of both sides meet."""
 
     surface: Surface
     creases: Ints
@@ -117,7 +115,7 @@ class CreaseSides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Return weights on columns (k, s) for both sides of a crease, from barycentric weights (k, n)."""
+        """Return barycentric weights (k, n) as weights (k, s) of the columns, for each of the two sides of a crease."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -133,7 +131,7 @@ class CreaseSides:
         return first_rows, second_rows
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """Return the indices (j,) of points with weights (k, n) half way between two faces beside a crease."""
+        """Return the indices (j,) of points, with weights (k, n), that lie beside a crease but in no single face."""
         weights = csr_array(weights)
         row, is_beside = self._beside_creases(weights)
         faces = self._faces(weights.indices[is_beside].astype(np.int64), row[is_beside], weights.shape[0])
@@ -149,7 +147,7 @@ class CreaseSides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """Return (count, 2) faces with the vertices of each row: two on an edge, the same twice inside, or -1."""
+        """Return (count, 2) faces with the vertices of each row: both faces at an edge, one face twice, or -1."""
         row_faces = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -273,7 +271,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        most_lift = 1 / 5  # share of the thickness; a quarter is the largest chord error, see `MOST_CHORD`
+        most_lift = 1 / 5  # lift from the mesh over the thickness; chord errors reach a quarter, see `MOST_CHORD`
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)

@@ -21,7 +21,8 @@ from dsfab.surface.topology import corners_of
 
 
 class MeshDistances(NamedTuple):
-    """Distances from the mesh or back: the largest, the one with the largest excess, its limit, and bad places."""
+    """Distances to the mesh, or back. most : the largest.    worst : the one farthest above its limit `allowed`.
+    bad : places where a distance is above its limit."""
 
     most: float
     worst: float
@@ -99,7 +100,7 @@ class PieceJudge:
     def excess_volumes(self) -> Floats:
         """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # the search from points on a skin takes half of the time
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # from points on a skin the search takes half of the time
         share = self.limits.rounder[self.limits.nearest(upper)]
         return np.maximum(self._sum(share) / self.volumes, 0.0)
 

@@ -46,9 +46,8 @@ class SheetOutline:
     """Divided sheet in millimetres, with its regions.
 
     V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
-    F       : (m, 3) faces; chart and piece (m,) of each.
-    charts  : (v, 2) all pairs of a vertex and a chart around it, in order.
-    """
+    F       : (m, 3) faces.    chart, piece : (m,) chart and piece of each face.
+    charts  : (v, 2) all pairs of a vertex and a chart around it, sorted."""
 
     V: Floats
     D: Floats

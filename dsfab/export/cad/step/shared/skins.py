@@ -16,11 +16,10 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class DenseSurface:
-    """Surface with its skins, divided zero or more times. Lengths in millimetres.
+    """Surface with its skins, after zero or more divisions of its triangles. Fields are in metres, properties in mm.
 
-    surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
-    parent  : (m,) original face of each face.    twins : see `Curved`.
-    """
+    half   : (n,) half the thickness of the faces.    shift, twins : see `Curved`.
+    parent : (m,) original face of each face."""
 
     surface: Surface
     half: Floats
@@ -85,10 +84,8 @@ def dense_surface(surface: Surface, curved: Curved) -> DenseSurface:
 
 
 def cubic_midpoints(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """Return (e, 3) points half way along edges (e, 2) of P (n, 3), on cubics whose ends are normal to d (n, 3).
-
-    With these points, fits do not wave between vertices.
-    """
+    """Return the midpoints (e, 3) of cubics along edges (e, 2) of P (n, 3). At its ends a cubic is normal to d (n, 3).
+    With these points, fits do not wave between vertices."""
     N, chord = unit_vectors(d), P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
     return np.asarray(end_means(P, ends) + (slopes[0] - slopes[1]) / 8)

@@ -115,7 +115,7 @@ class SmoothSolid:
 
 
 class SmoothPlan(SolidPlan):
-    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls in a hurry."""
+    """Plan for a part's smooth file; raises ExportError for an unknown sheet, or too many walls with `hurry`."""
 
     def __init__(self, part: Part) -> None:
         super().__init__(part)
@@ -153,8 +153,8 @@ class SmoothPlan(SolidPlan):
     def build(self, fields: Floats, finished: Collection[int] = ()) -> SmoothSolid:
         """Build the pieces of all solids that are not finished, in a layout of fields (n, c).
 
-        Raises ExportError as soon as a chart fails that the only solid needs, because all further charts take long.
-        """
+        If the part has one solid and a chart of it fails, raises ExportError at once, because further charts take
+        long."""
         atlas = ChartAtlas(self.surface, self.curved, fields, FIT_SHARE * self.limits.distance)
         needed = set[int]()
 

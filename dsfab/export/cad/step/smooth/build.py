@@ -60,7 +60,7 @@ def first_draft(part: Part) -> tuple[int, int]:
 class _SmoothSearch:
     def __init__(self, part: Part) -> None:
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, 6000  # OCCT reads 6000 faces in 1 to 2 minutes; after these no layout is tried
+        self.inspected, self.most = 0, 6000  # after 6000 faces (1 to 2 minutes of OCCT) no further layout is tried
         self.taken, self.reason, self.pieces = list[_AcceptedPiece](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
@@ -86,8 +86,8 @@ class _SmoothSearch:
         return self._file()
 
     def _judge_layout(self, programs: ExitStack, fields: Floats) -> None:
-        # OCCT refused no place in four of seven sheets with 1100 to 3800 faces, 2 places in one sheet, and 104 and 216
-        # places in two sheets, which refits did not cure.
+        # With more refused places than this, refits do not help. Of seven sheets with 1100 to 3800 faces, five had at
+        # most 2 such places, and two had 104 and 216, which refits did not cure.
         hopeless = 40
         program = programs.enter_context(occt())
         with one_blas_thread():  # several threads on two busy cores take ten times as long
@@ -176,7 +176,7 @@ def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
 
     OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
     """
-    chord_count, nearest_count = 64, 4  # chords of an edge, and nearest chords that are measured for each corner
+    chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
     start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)

@@ -96,9 +96,8 @@ class SurfaceFit:
     """Surface that was fitted to points.
 
     off     : largest distance from the points that the tolerance applies to.
-    size    : geometric mean of the numbers of poles in both directions, before limits.
-    starved : True if more points would allow more poles.
-    """
+    size    : geometric mean of the numbers of poles in both directions, before they are rounded and limited.
+    starved : True if more points would allow more poles."""
 
     patch: SplinePatch
     off: float
@@ -115,11 +114,12 @@ def fitted_surface(
     first_poles: float = FIRST_POLES,
     most_poles: int = MOST_POLES,
 ) -> SurfaceFit:
-    """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
+    """Fit a surface with few poles to Q (k, 6), one point on each skin; the tolerance applies to the points `inside`.
 
-    first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
-    The error of a cubic surface grows with the fourth power of its spans, which gives the size of the next attempt.
-    """
+    first_poles : poles of the first attempt, geometric mean of both directions.    most_poles : limit for each
+                  direction.
+    The error of a cubic surface is proportional to the fourth power of its span length. So the error gives the number
+    of poles for the next attempt."""
     points_per_pole = 2.5  # with fewer points, surfaces wave between the points and leave gaps at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
@@ -207,7 +207,7 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """Return rows of the band matrix of squared second differences of p x q poles, and their offsets."""
+    """Return offsets and diagonals of the band matrix for the sum of squared second differences of p x q poles."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -240,9 +240,8 @@ class SkinPoints:
 
     origin, axes, steepest : see `SkinChart`.
     uv, Q  : (k, 2) in the plane, and (k, 6) on both skins.
-    inside : (k,) True if the tolerance applies; weight (k,).
-    chord  : distance of edges between the points from the surface, 90th percentile.
-    """
+    inside : (k,) True for points that the tolerance applies to.    weight : (k,) weight of each point in the fit.
+    chord  : chord error of the mesh between the points, 90th percentile."""
 
     origin: Floats
     axes: Floats
@@ -357,9 +356,8 @@ class ChartAtlas:
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
         """Fit the charts of these numbers and the charts that they are divided into.
-
-        hopeless : function of a failed chart; True ends the work, because the rest is useless without this chart.
-        """
+        hopeless : function of a failed chart's number; True ends the work, because the other charts are then
+                   useless."""
         # A chart may be three tolerances off: OCCT measures the solid later, and few pieces lie at the worst place.
         useless = 3
         fewest = 12  # a chart with fewer vertices is not divided
@@ -391,7 +389,7 @@ class ChartAtlas:
                     return
 
     def _lean_field(self, k: int) -> Floats | None:
-        """Return a (n,) field from the steepest normals of a chart to the opposite ones; None if not steep."""
+        """Return a field (n,) that grows from a chart's steepest normal to the opposite one; None if not too steep."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -402,7 +400,7 @@ class ChartAtlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ steepest_normal).argmin()] - steepest_normal))
 
     def _divide(self, k: int, along: Floats) -> None:
-        part_width = 0.25  # with this share of the half length the field is about as steep as at other borders
+        part_width = 0.25  # share of the half length over which the fields cross, as steeply as at other borders
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
         steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)

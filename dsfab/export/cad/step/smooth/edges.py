@@ -18,12 +18,11 @@ from dsfab.export.splines import Fitted, Spline, even_samples, segment_spline, s
 class OutlineNodes:
     """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
 
-    uv    : by chart, (n, 2), nan for vertices outside of it.
-    steep : by chart, (n,) largest growth of lengths from the plane to the surface; 1 or more.
+    uv    : by chart, (n, 2) positions in its plane, nan for vertices outside of the chart.
+    steep : by chart, (n,) largest ratio of a length on the surface to its length in the plane; 1 or more.
     around : by vertex, its charts.
-    at    : by vertex, (2, 3) upper and lower point, for ends of runs and for vertices that `add` was called for.
-    gap   : by vertex, largest distance of its charts' skins from these points.
-    """
+    at    : by vertex, (2, 3) upper and lower point, for ends of runs and for vertices given to `add`.
+    gap   : by vertex, largest distance of these two points from the skins of its charts."""
 
     charts: dict[int, SkinChart]
     uv: dict[int, Floats]
@@ -91,7 +90,7 @@ class SmoothEdge:
 
     @cached_property
     def spans(self) -> int:
-        """Least power of two that makes all knots whole numbers, because whole numbers are short in the file."""
+        """Least power of two whose product with each knot is a whole number, because these are short in the file."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
@@ -112,7 +111,7 @@ class EdgeTolerances:
 
     def in_space(self, run: OutlineRun, level: int) -> float:
         """Tolerance of the curves of a run in space."""
-        share = 1 / 50  # share of the thickness
+        share = 1 / 50  # largest tolerance over the thickness
         return LEVEL_FACTORS[level] * min(share * self.thickness, LOOP_SHARE * run.width)
 
 
@@ -232,8 +231,8 @@ def seam_edges(
     requests: list[RunRequest], nodes: OutlineNodes, sheet: SheetOutline, allowed: EdgeTolerances
 ) -> list[SmoothEdge]:
     """Fit one curve for both charts of each seam, half way between their skins."""
-    of_edge = 0.05  # tolerance in space as a share of the mesh's edges; the place of a seam need not be exact
-    of_thickness = 1 / 1000  # tolerance in both charts as a share of the thickness; the gap is up to twice as wide
+    of_edge = 0.05  # tolerance in space over the length of mesh edges; the place of a seam need not be exact
+    of_thickness = 1 / 1000  # tolerance in each chart over the thickness; a gap of both charts may be twice as wide
     runs, factors = [request.run for request in requests], [LEVEL_FACTORS[request.level] for request in requests]
     charts = [k for request in requests for k in (request.chart, request.run.beyond)]
     tight = [factor * of_thickness * allowed.thickness for factor in factors]

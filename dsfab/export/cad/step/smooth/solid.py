@@ -44,7 +44,8 @@ from dsfab.export.splines import Spline, segment_spline
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """Two faces of a region: its chart, and its loops of edges, the outer loop first. True : the edge runs forwards."""
+    """Both faces of a region: its chart, and its loops of edges, the outer loop first.
+    A step of a loop is the number of an edge, and True if the edge runs forwards."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -72,7 +73,7 @@ class SmoothPiece:
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) upper start points of its edges."""
+        """(k, 3) start points of its edges on the upper skin."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
@@ -173,10 +174,10 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted_ends(edges: list[SmoothEdge], skin: SmoothSkin) -> Ints:
-    """Return ends 2 k and 2 k + 1 of edges k at sharp corners whose sides cross near the corner.
+    """Return the ends of edges at sharp corners whose two sides cross near the corner: 2 k and 2 k + 1 for edge k.
 
-    Chords at the corner do not show the crossing. The tangents there turn the other way than vectors to the middles.
-    """
+    Chords of the edges do not show this crossing. The sides cross if the turn of their tangents at the corner is
+    opposite to the turn of the vectors to their middles."""
     least_cosine = 0.5  # the sides of a sharp corner enclose at most 60 degrees
     forwards = np.array([forwards for loop in skin.loops for _, forwards in loop])
     number = np.split(np.arange(len(forwards)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
@@ -349,7 +350,7 @@ class SmoothPieceFile:
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
-    """Encode pieces of layouts, with the name of the part, and the triangles of `rest` as planar faces."""
+    """Return the STEP text of smooth pieces, and of `rest` as planar faces. which : (model, number) of the pieces."""
     entity_list, about = StepEntities(), "curved solid with spline skins"
     writers = {id(model): SmoothText(entity_list, model) for model, _ in which}
     pieces, name = [writers[id(model)].piece(model.pieces[k]) for model, k in which], part.name
@@ -364,7 +365,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Return a part of some triangles (m, 3), simplified if possible."""
+    """Return a part with only these triangles (m, 3), simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     remainder = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:

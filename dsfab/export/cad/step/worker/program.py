@@ -77,7 +77,7 @@ def _later_arguments() -> list[str]:
 
 def main() -> None:
     """Run a command and print its report; an unreadable file is an error of one line."""
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # forks of this process have no threads
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # threads would not exist in forks of this process
     gc.disable()  # OCCT loads in nine tenths of the time without garbage collection
     command, *arguments = sys.argv[1:] or _later_arguments()
     try:

@@ -29,10 +29,8 @@ class PlaneSpline(NamedTuple):
 
 
 def volume(solid: Any) -> float:
-    """Return the sum of the cones from one point over all faces: skins with many sides, and walls with four.
-
-    The point is the mean of the vertices, as in OCCT, where gaps at edges change the volume least.
-    """
+    """Return the volume (mm3): the sum of cones from one point over all faces.
+    The point is the mean of the vertices, as in OCCT. For this point, gaps at edges change the volume least."""
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
     from OCP.TopoDS import TopoDS
@@ -107,7 +105,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
-    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add earlier spans: at 1 all polynomials are 1
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add the spans before; Legendre polynomials are 1 at 1
     places, dv = _outline_points(outline)
     i, s = _local(u, places[:, 0])
     j, t = _local(v, places[:, 1])
