@@ -32,8 +32,9 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces.
-    A border is ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at
-    most `LARGEST_GAP` edges between two turns. The vertices stay if a straight line needs moves over a mean edge."""
+    A border is ragged if it turns alternately left and right by over `RAGGED_TURN`. The turns number at least
+    `LEAST_TURNS`, with at most `LARGEST_GAP` edges between two of them. It stays if a straight line needs moves over a
+    mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -122,7 +123,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
     joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
 
-    The triangles have the direction of the outline."""
+    The corners of each triangle follow the direction of the outline."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

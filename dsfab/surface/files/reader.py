@@ -100,7 +100,7 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
 
 
 def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
-    """Return a text about the number of flipped faces (m, 3), or nothing."""
+    """Return a text with the number of faces (m, 3) that were flipped; nothing if none were."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
