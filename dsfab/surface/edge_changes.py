@@ -234,7 +234,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return which quads (k, 4), with faces (k, 2), may flip: c-d is new and near the surface, and no face turns over."""
+    """Return which quads (k, 4), faces (k, 2), may flip: c-d is new and near the surface, and no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

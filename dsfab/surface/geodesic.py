@@ -31,7 +31,8 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
+        """Return windows from the five columns of `names` (k,), ends A and B (k, 2), metres, start, end and offset
+        (k,)."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property

@@ -31,8 +31,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
     normals.
 
-    Method: sum of tetrahedra (divergence theorem) with their tips in the middle of the box, to lose no digits far from
-            0."""
+    Method: sum of tetrahedra (divergence theorem) with tips in the middle of the box, to keep digits far from 0."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -79,9 +78,8 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 3) on simplices of V (n, 3): triangles (m, 3), edges (m, 2) or vertices
-    (m, 1).
-    At least one simplex is required. Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
+    """Return the places nearest to points (k, 3) on one or more simplices of V (n, 3), which are triangles (m, 3),
+    edges (m, 2) or vertices (m, 1). Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))

@@ -156,7 +156,7 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}  # a change of these keys of a plan has no effect on the runs
+HARMLESS = {"constraints"}  # keys of a plan that do not affect the runs; they may change at any time
 
 RENEWING = {"metrics", "keep", "formats", "size", "view"}  # if one of these keys has changed, --extend repeats all runs
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default

@@ -104,7 +104,7 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 def from_csv(path: Path) -> Iterator[Changes]:
     """Yield one run for each row of a CSV file, with values written as after --set. Each column is a dotted key. If
-    some columns begin with 'in:', all others are ignored. Raises PresetError for a file without rows or that cannot be
+    some columns begin with 'in:', all others are ignored. Raises PresetError for a file that has no rows or cannot be
     read.
     """
     try:

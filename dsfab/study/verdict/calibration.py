@@ -107,8 +107,8 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of the tested designs of a table.
-    designs, converged : number of designs, and of converged designs.    inside : share with error below bound.
-    median_bound  : median bound of the verdict.    largest_error : largest error of the verdict.
+    designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
+    inside        : share of designs with an error below the bound.    median_bound : median bound of the verdict.
     quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
     """
 

@@ -31,7 +31,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     """Return the compliance and its bound from the compliances by quadratic + hhj on successive meshes. Each mesh has
     four times the triangles of the mesh before.
     spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. About half of it
-               remains after each refinement. Its solve on finer meshes would add half to the cost.
+               remains after each refinement. A second solve on finer meshes would add half to the cost.
     recovery : ZZ error of the finest mesh.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
@@ -50,7 +50,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate with the ratio of the last two steps, clipped to `STEP_RATIOS`; else `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two steps, clipped to `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -131,8 +131,8 @@ class Extreme:
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
-    Each extreme is the largest of both sides and the middle of the sheet, and at least 0. supported : (n,) mask of the
-    vertices.
+    Each extreme is the largest of both sides and the middle of the sheet, and at least 0. supported : (n,) mask of
+    supported vertices.
     """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {

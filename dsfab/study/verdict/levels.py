@@ -38,7 +38,7 @@ CREASE_COSINE = np.cos(np.radians(30))  # a smaller cosine of a face's normal an
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Surface of quadratic patches: the point l of a flat face moves by the sum of 4 l_i l_j bulge over its edges i-j.
+    """Quadratic patches: a flat face's point with barycentric l moves by the sum of 4 l_i l_j bulge over edges i-j.
     surface : the flat faces.
     bulge   : (e, 3) vector from the middle of each chord to its curved edge, metres; 0 for flat faces and creases.
 
@@ -155,7 +155,7 @@ def on_mesh(
     forces is exact.
     """
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # three times face means
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over the corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}

@@ -309,7 +309,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals point against the mean of their neighbours' normals, which no crease does."""
+    """Return the faces (m,) whose normals point against the mean of their neighbours' normals; a crease is no fold."""
     return _cosines(V, F) < 0
 
 

@@ -161,7 +161,7 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths are in metres by the unit in use; faces are triangles.
+    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`; faces are triangles.
     Faces with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and
     oriented; `genus` is None unless it is a single oriented manifold piece. `faults` are sentences on why the mesh is
     not an oriented manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit

@@ -189,7 +189,7 @@ def may_lack_digits(word: str, count: int) -> bool:
     """Return whether a number at the end of a file, an index up to `count`, may have lost its last digits."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first: Python reads no 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first, because int refuses 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -292,7 +292,7 @@ _APART = "put the outlines into a drawing of their own"  # Remedy in the message
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of a curve at the ends of spans (s,), and up to 1024 between two for `CURVE_TOLERANCE`."""
+    """Return points (k, 3) of a curve at the ends of spans (s,), and up to 1024 per span to keep `CURVE_TOLERANCE`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

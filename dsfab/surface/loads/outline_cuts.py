@@ -59,8 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Crossings of edges (k,), ascending, with the line: positions `share` (k,), 0 to 1 along the edge, and points (k,
-    3)."""
+    """Crossings of edges (k,), ascending, with the line: `share` (k,), 0 to 1 along the edge, and points (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -94,7 +93,7 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share of edges (k,), from their end (0 or 1) on the line, that is on the wrong side; or 0.
+    """Return the share (k,) of edges, from their end (0 or 1) on the line, that is on the wrong side; or 0.
     sign : (k,) side of the opposite end, the right side."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))

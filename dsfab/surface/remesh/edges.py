@@ -144,9 +144,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that have at least 70 % of the longest edge of their faces. In a needle-shaped face (2
-    area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts, because halving both long edges
-    would leave further needles."""
+    """Return the long edges (e,) with at least 70 % of the length of their faces' longest edge. In a needle-shaped face
+    (2 area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts, because halving both long
+    edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -158,7 +158,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Divide marked edges (e,): along curves at positions (l,) on the axis unless nan, else in the middle."""
+    """Divide marked edges (e,): edges along curves at positions (l,) on the axis, others (or at nan) in the middle."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -347,8 +347,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return which edges (q,) may flip: faces turn up to 37 degrees; the least angle stays over `LEAST_ANGLE` or grows.
-    """
+    """Return which edges (q,) may flip: faces turn up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))

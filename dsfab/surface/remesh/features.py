@@ -18,8 +18,7 @@ FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is 
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) with just two edges, the edges (k, 2), the turn (k,), radians, and the shorter edge's length (k,).
-    """
+    """Vertices (k,) of two edges, the edges (k, 2), the turn (k,), radians, and the shorter edge's length (k,)."""
 
     vertex: Ints
     edges: Ints
@@ -84,7 +83,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface: curves between corners, one after another on one axis of length.
+    """The boundaries and creases of a surface: curves between corners, one after another on an axis of arc length.
     points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their positions on the axis, metres.
     curve  : (p,) the curve of each point.   vertex : (p,) the vertex of the surface at each point.
     fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box."""
