@@ -78,8 +78,8 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the places nearest to points (k, 3) on one or more simplices of V (n, 3), which are triangles (m, 3),
-    edges (m, 2) or vertices (m, 1). Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
+    """Return the places nearest to points (k, 3) on simplices of V (n, 3): triangles (m, 3), edges (m, 2) or vertices
+    (m, 1), m > 0. Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))

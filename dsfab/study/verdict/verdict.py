@@ -108,7 +108,7 @@ class CaseVerdict:
              loads. unknown: the bound is larger.
     spread : compliance by quadratic + midedge relative to that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : share by which a solid may be softer than the thin sheet of the bound; see `theory_share`.
+    theory : share by which a solid may be softer than this thin sheet; see `theory_share`.
     """
 
     name: str

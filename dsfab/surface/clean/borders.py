@@ -32,9 +32,8 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces.
-    A border is ragged if it turns alternately left and right by over `RAGGED_TURN`. The turns number at least
-    `LEAST_TURNS`, with at most `LARGEST_GAP` edges between two of them. It stays if a straight line needs moves over a
-    mean edge."""
+    A border is ragged if it turns left and right alternately by over `RAGGED_TURN`, at least `LEAST_TURNS` times. At
+    most `LARGEST_GAP` edges lead from turn to turn. A border stays if a straight line needs moves over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)

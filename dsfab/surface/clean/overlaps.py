@@ -37,7 +37,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the other pairs (p,) next to a crossing pair: an edge (e, 2) of each sheet leads there."""
+    """Return the other pairs (p,) that a crossing pair reaches along one edge (e, 2) of each sheet."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -54,8 +54,8 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500  # A second sheet is a copy up to this distance over the square root of the sheet's area.
-PARALLEL_GAP = 0.08  # Sheets count as parallel, or as a slab, up to this distance over the same root.
+COPY_GAP = 1 / 500  # A second sheet is a copy up to this distance divided by the square root of the sheet's area.
+PARALLEL_GAP = 0.08  # Sheets count as parallel, or as a slab, up to this distance divided by the same root.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
 IGNORED_SHARE = 0.1  # The least and the largest distances, each on this share of the area, do not count: slab sides.
 

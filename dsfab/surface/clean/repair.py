@@ -134,7 +134,7 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
-    """Return one (k,) of each group of repeated faces.
+    """Return the faces (k,), with only the first of each group of repeated faces.
     Both copies of a face are removed if two further faces continue at one of its edges. Such copies lie flat between
     their neighbours, for example in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
@@ -208,7 +208,8 @@ bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: folded, or fine with holes or crowded edges."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: it has folded faces, or it is fine and has small holes or
+    edges of more than two faces."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = F[finite[F].all(axis=1)]
     if not len(F):

@@ -98,7 +98,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and length (count, p) of properties in each record, and the end; None for lists of unequal length."""
+    """Return start and length (count, p) of properties in each record, and the end; None if list lengths differ."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
