@@ -57,7 +57,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border at its vertices, radians, positive towards the sheet; 0 elsewhere."""
+    """Return the turn (n,) of the border at its vertices, radians, positive at convex corners; 0 elsewhere."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True

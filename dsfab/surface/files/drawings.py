@@ -265,7 +265,7 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
             f"{where} has no curve; draw a closed polyline, circle, ellipse or spline, or closed lines and arcs"
         )
     if not all((np.abs(run) < LARGEST_NUMBER).all() for run in curves):
-        raise SurfaceError(f"{where} has a curve with invalid or endless coordinates; draw the curve again")
+        raise SurfaceError(f"{where} has a curve with invalid or infinite coordinates; draw the curve again")
     metres = metres_per(unit or drawing.unit or "m")
     return tuple(metres * loop for loop in _loops(curves, where, budget))
 
