@@ -42,7 +42,7 @@ def _range(text: str, values: str) -> list[Any]:
     if not (isfinite(start) and isfinite(end)):
         raise DsfabError(f"--vary {text!r} does not run between two numbers; write for instance 4:24:6")
     if steps < 1:
-        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range (its count) must be 1 or more")
+        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range (count) must be 1 or more")
     if steps > 1 and start == end:
         raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
