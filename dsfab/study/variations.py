@@ -14,8 +14,8 @@ Values = dict[str, list[Any]]  # dotted keys and their values
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Return keys and values of `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) and `KEY=ONE,TWO,...`. Raises
-    DsfabError for other texts, ranges without steps, and repeated values or keys.
+    """Return the keys with their values from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or
+    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys.
     """
     variations: Values = {}
     for text in texts:
@@ -42,7 +42,7 @@ def _range(text: str, values: str) -> list[Any]:
     if not (isfinite(start) and isfinite(end)):
         raise DsfabError(f"--vary {text!r} does not run between two numbers; write for instance 4:24:6")
     if steps < 1:
-        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range, how many, must be 1 or more")
+        raise DsfabError(f"--vary {text!r} has {steps} values; the last number of a range (count) must be 1 or more")
     if steps > 1 and start == end:
         raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
@@ -78,7 +78,7 @@ def stage_of(key: str) -> int:
 
 
 def best_order(values: Values) -> list[int]:
-    """Return indices of the combinations in an order that shares solves: keys of early stages change least often."""
+    """Return indices of the combinations, with the fewest solves: keys of early stages change least often."""
     keys = sorted(values, key=stage_of)
     places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
     ranks = [[place[str(x[key])] for key, place in zip(keys, places, strict=True)] for x in combinations(values)]
@@ -89,20 +89,20 @@ def expected_seconds(values: Values, stages: Mapping[str, float], picture: float
     """Estimate the seconds for all pictures, from the seconds of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # each combination of keys of this stage and of earlier stages runs the stage once
+        # a stage runs once for each combination of the values of its own and of earlier keys
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 
 
 def spelled_value(value: Any) -> str:
-    """Return a value as text for KEY= on the command line."""
+    """Return a value as it is written after KEY= on the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value
     return json.dumps(value)
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """Return the shortest unique endings of dotted keys, such as frequency, or major.frequency and minor.frequency."""
+    """Return the shortest unique ending of each key: frequency, or major.frequency beside minor.frequency."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -69,7 +69,7 @@ def _loop_subdivision(V: Floats, F: Ints, edges: EdgeTable, fixed_edges: Ints) -
     positions = np.searchsorted(edges.ends @ (len(V), 1), fixed_edges @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # the first two triangles are at corners 0 and 1
+    quarters = finer.reshape(-1, 4, 3)  # the first two of four are at corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[fixed_edges] = V[fixed_edges]
     moved[middle[positions]] = V[fixed_edges].mean(axis=1)
@@ -127,7 +127,7 @@ def with_longest_edges(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """Return the vertices a, b, c, d (q, 4) around edges a-b of faces F (m, 3); pairs (q, 2) are their half-edges."""
+    """Return a, b, c, d (q, 4): the ends of edges a-b with half-edges `pairs` (q, 2), and the opposite corners."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
@@ -143,7 +143,7 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """Return the quads (q,) of (q, 4) on n vertices whose diagonal c-d is not an edge yet."""
+    """Return which quads (q, 4), on n vertices, have a diagonal c-d that is not an edge yet, (q,)."""
     keys, diagonal_keys = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     positions = np.minimum(np.searchsorted(keys, diagonal_keys), len(keys) - 1)
     return np.asarray((keys[positions] != diagonal_keys) & (quad[:, 2] != quad[:, 3]))
@@ -220,7 +220,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
     np.maximum.at(best_gain, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > LEAST_ANGLE_GAIN) & (gain[:, None] == best_gain[h // 3]).all(axis=1))
     first_face, second_face = h[chosen].T // 3
-    # of equal gains at a face, the first gain counts
+    # if two flips at a face have equal gains, the first counts
     first_places = np.unique(np.concatenate([first_face, second_face]), return_index=True)[1]
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first_places] = True
@@ -234,8 +234,7 @@ def _flip_once(surface: Surface, may: Bools, stays: Ints, tolerance: float) -> I
 
 
 def _may_flip(surface: Surface, faces: Ints, quad: Ints, tolerance: float) -> Bools:
-    """Return the quads (k, 4), with faces (k, 2), whose edge c-d is new and near the surface, and turns no face
-    over."""
+    """Return which quads (k, 4), faces (k, 2), may flip: c-d is new and near the surface, and no face turns over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     distance = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)

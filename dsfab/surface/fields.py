@@ -64,7 +64,7 @@ class StructureLine:
     """A polyline on a surface with its meaning.
     kind   : "edge", the end of the material, or "centre", the middle of a member.
     family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
-    number : number of the stripe in its family, the integer k of its middle z = k; 0 for any other family.
+    number : number of the stripe in its family: z = number on its middle line; 0 in families without stripes.
     part   : 1, 2, ... among the lines of the same kind, family and number.
     points : (k, 3) metres; the last point repeats the first if the line is closed.
     length : metres, of the line on the mesh, before any simplification."""
@@ -177,8 +177,8 @@ def _side(i: Ints, j: Ints) -> Ints:
 
 
 def chains(first_nodes: Ints, second_nodes: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Join links between pairs of `count` nodes, at most two links per node, to chains; return each chain's nodes and
-    links (c,).
+    """Join links, pairs of `count` nodes, to chains; a node has at most two links. Return the nodes and links (c,) of
+    each chain.
 
     Open chains come first, each from the end with the lower number; closed chains repeat their first node at the end.
     """
@@ -236,20 +236,20 @@ def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # np.clip and np.linalg.norm take longer than the rest of this function
+    if squared:  # without np.clip and np.linalg.norm, which would take most of the time
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
 
 @dataclass(frozen=True, eq=False)
 class CornerField:
-    """A field on a surface with n vertices and m faces.
+    """A field on a surface with n vertices and m faces; its sign and offset may differ from face to face.
     x      : (n, 1) values at the vertices, or (n, 2) for a band (see `dsfab.slicing.cutting.cut`). In a band, a place
              is material if more levels lie below x[:, 0] than below x[:, 1].
     sign   : (m, 3) 1 or -1, and shift : (m, 3): the value of a face at its corner is sign * x + shift.
     blank  : (m,) faces without field; the cut leaves them whole.
-    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. For an opening from
-             earlier fields, the mean over its area decides for the whole opening."""
+    wanted : (m,) share of each face on which the field applies, or None if it applies everywhere. An opening of earlier
+             fields is kept or closed as a whole, by the mean over its area."""
 
     x: Floats
     sign: Floats
@@ -281,7 +281,7 @@ class DividedSurface:
     """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
     whole   : the undivided surface.    surface : the divided surface; its first vertices are those of `whole`.
     parent  : (m',) the face of each part.
-    weights : (n', n) barycentric weights of the vertices on the undivided vertices, as in `dsfab.slicing.Sheet`."""
+    weights : (n', n) barycentric weights: each vertex from the vertices of `whole`, as in `dsfab.slicing.Sheet`."""
 
     whole: Surface
     surface: Surface
@@ -330,7 +330,7 @@ class DividedSurface:
         edges[uncut] = origins.edges[np.searchsorted(whole_edges.ends @ (n, 1), part_edges.ends[uncut] @ (n, 1))]
         parts = self.cut_parts()
         corners = self.corners(parts)
-        # side k of a part lies on the side of its face opposite corner j
+        # [part, k, j]: side k of the part lies on the side of its face opposite corner j
         is_on_side = (corners == 0) & (corners[:, [1, 2, 0]] == 0)
         marked = origins.edges[whole_edges.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(is_on_side & marked[:, None, :])
@@ -367,7 +367,7 @@ class DividedField:
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """Return the values (m, p) of a field with one value per vertex at points of each face, barycentric (p, 3)."""
+        """Return the values (m, p) of a field of one column at points of each face, barycentric coordinates (p, 3)."""
         surface, parts = self.divided.whole, self.divided.cut_parts()
         values, inside = self.x[surface.F] @ points.T, np.full((surface.m, len(points)), -np.inf)
         part_coordinates = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

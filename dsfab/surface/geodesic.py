@@ -22,7 +22,7 @@ SLACK = 1e-10  # Limit of rounding errors, as a share of the compared lengths, a
 @dataclass(frozen=True, eq=False)
 class Windows:
     """Parts of edges that sources see, with coordinates in the plane of each source. The arrays hold k windows.
-    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`."""
+    names  : (k, 5) columns `edge` to `parallel` (properties).    values : (k, 7) columns `at_a` to `offset`."""
 
     names: Ints
     values: Floats
@@ -31,7 +31,8 @@ class Windows:
     def from_columns(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
+        """Return windows from the five columns of `names` (k,), ends A and B (k, 2), metres, start, end and offset
+        (k,)."""
         return cls(np.stack(names, axis=1), np.stack([*A.T, *B.T, start, end, offset], axis=1))
 
     @property
@@ -123,7 +124,7 @@ class Windows:
 
 
 def zero_share(start: Floats, end: Floats) -> Floats:
-    """Return the zero (k,) of a linear function with the values `start` and `end` (k,), as a share of its range."""
+    """Return the position (k,) of the zero of a linear function from `start` (k,) at position 0 to `end` (k,) at 1."""
     span = start - end
     return np.divide(start, span, out=np.zeros_like(start), where=span != 0)
 
@@ -144,8 +145,8 @@ def dot2(a: Floats, b: Floats) -> Floats:
 
 
 class Origins(NamedTuple):
-    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,), with the sides of faces and ends of
-    edges."""
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,). The edges of a marked face and the ends of
+    a marked edge are marked, too."""
 
     vertices: Bools
     edges: Bools
@@ -189,7 +190,7 @@ class _Bends(NamedTuple):
 
     @classmethod
     def from_origins(cls, origins: Origins) -> "_Bends":
-        """Return the origins as sources; `_Front.vertex_windows` omits rays whose nearest origin is an edge."""
+        """Return the marked vertices as sources; `_Front.vertex_windows` omits rays whose nearest origin is an edge."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)

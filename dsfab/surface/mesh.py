@@ -31,8 +31,7 @@ def signed_volume(V: Floats, F: Ints) -> float:
     """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
     normals.
 
-    The sum of tetrahedra (divergence theorem) begins at the middle of the box, so that no digits are lost far from 0.
-    """
+    Method: sum of tetrahedra (divergence theorem) with tips in the middle of the box, to keep digits far from 0."""
     return float(_tetrahedron_volumes(V, F).sum())
 
 
@@ -54,7 +53,7 @@ def _tetrahedron_volumes(V: Floats, F: Ints) -> Floats:
 
 
 def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Yield blocks of k faces: slice, first corners (3, k) from the box's middle, twice the area vectors (3, k)."""
+    """Yield blocks of k faces: slice, first corners (3, k) minus the box's middle, twice the area vectors (3, k)."""
     if not len(F):
         return
     columns = np.ascontiguousarray((V - bounding_box(V, F).mean(axis=0)).T)
@@ -66,7 +65,7 @@ def _face_blocks(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
 
 
 class NearestPlaces(NamedTuple):
-    """Places of a mesh nearest to points (k,): squared distance, index of the simplex, and place (k, 3)."""
+    """Nearest places on a mesh to points (k,): squared distance, index of the simplex, and place (k, 3)."""
 
     squared: Floats
     simplex: Ints
@@ -79,10 +78,8 @@ class NearestPlaces(NamedTuple):
 
 
 def nearest_places(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """Return the points nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3), m >
-    0.
-
-    Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
+    """Return the places nearest to points (k, 3) on simplices of V (n, 3): triangles (m, 3), edges (m, 2) or vertices
+    (m, 1), m > 0. Method: a tree of boxes [Jacobson et al. 2018, libigl]."""
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
     arrays = (np.ascontiguousarray(x) for x in (points, V, simplices))
@@ -95,7 +92,7 @@ def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
-ZERO_AREA = 1e-20  # Share of the squared size below which a face counts as collapsed.
+ZERO_AREA = 1e-20  # A face counts as collapsed if its area is below this share of the surface's squared size.
 
 
 @dataclass(frozen=True, eq=False)

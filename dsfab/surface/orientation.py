@@ -31,7 +31,7 @@ def upright_vertices(V: Floats, up: Up) -> Floats:
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """Return 1 or -1 (m, 3) for each face corner: 1 if its side is the side of the first face around the vertex. All
+    """Return 1 or -1 (m, 3) for each face corner: 1 if the face has the same side up as the vertex's first face. All
     values are 1 on an oriented surface. If several fans of faces meet in a vertex, each fan has its own first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
@@ -43,7 +43,7 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = link_components(6 * len(F), i, j)[1].reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # every corner of a fan has both of its sides
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # both sides of a corner belong to one fan
     reference_corner = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[reference_corner, 0], 1, -1).reshape(-1, 3)
     return sides

@@ -29,10 +29,9 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Lock a sweep folder, so that a single process coordinates the sweep. The lock is a file of SQLite; the system
-    releases the lock when the process ends. A text file names the process. Raises DsfabError while another process
-    holds
-    the lock.
+    """Lock a sweep folder, so that a single process coordinates the sweep. The lock is an SQLite file, which the system
+    unlocks when the process ends. A text file beside the lock names the process. Raises DsfabError while another
+    process holds the lock.
     """
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
@@ -72,7 +71,7 @@ def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Return feasible runs, the best of a metric first; `ABOUT` says whether more or less is better."""
+    """Return the feasible runs with this metric, best first; `ABOUT` says whether more or less is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
@@ -81,7 +80,7 @@ def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ())
 def pareto(
     rows: Iterable[RunRow], first_metric: str, second_metric: str, limits: Sequence[Constraint] = ()
 ) -> list[RunRow]:
-    """Return runs that no other run exceeds in both metrics, the best of `first_metric` first."""
+    """Return the Pareto front of the feasible runs in two metrics. The best run in `first_metric` comes first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[second_metric].better == "more" else 1
     usable = [row for row in best(rows, first_metric, limits) if isfinite(row.metrics.get(second_metric, float("nan")))]
@@ -102,7 +101,7 @@ def picture_of(row: RunRow) -> str:
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """Return one record for each run; the program Design Explorer reads `in:KEY`, `out:METRIC` and `img`."""
+    """Return a record of each run; its keys `in:KEY`, `out:METRIC` and `img` suit the program Design Explorer."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -157,9 +156,9 @@ def _column(values: list[Any]) -> list[Any]:
 SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
-HARMLESS = {"constraints"}  # keys that may change before a sweep continues, because the runs do not depend on them
+HARMLESS = {"constraints"}  # keys of a plan that do not affect the runs; they may change at any time
 
-RENEWING = {"metrics", "keep", "formats", "size", "view"}  # keys after whose change --extend repeats all runs
+RENEWING = {"metrics", "keep", "formats", "size", "view"}  # if one of these keys has changed, --extend repeats all runs
 TRIED_AGAIN: tuple[State, ...] = ("killed",)  # states of runs that a new session repeats by default
 
 
@@ -180,7 +179,7 @@ class SweepFolder:
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """Return the input of workers. ship_mesh : True if the workers cannot read the preset's mesh file."""
+        """Return the input of all runs. ship_mesh : include the mesh file, for workers that cannot read it."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -198,7 +197,7 @@ class SweepFolder:
         report: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Make each waiting or interrupted run, and runs in states `retry`. Runs whose workers died come last."""
+        """Carry out waiting and interrupted runs, and runs in the states `retry`. Runs whose workers died come last."""
         with Store.open(self.path) as store:
             store.reset_to_waiting(("running", *retry))
             try:
@@ -268,9 +267,8 @@ def prepare(
 ) -> SweepFolder:
     """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
     checked : result of `checked_plan`, if the caller has it.
-    extend  : whether to add the runs of a changed plan to the recorded runs; new metrics or files repeat all runs.
-              Without
-              `extend`, a changed plan raises DsfabError.
+    extend  : whether a changed plan may add runs to the recorded runs; if False, a changed plan raises DsfabError. If
+              metrics or kept files change, all runs are repeated.
     Invalid keys and values raise PresetError.
     """
     preset, runs = checked_plan(plan) if checked is None else checked

@@ -13,11 +13,11 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import STAGES, Preset
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 
-Signature = tuple[str, ...]  # values of a run for each stage, as text, in the order of the stages
+Signature = tuple[str, ...]  # for each stage, in order: the changed values of its keys, as text
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:
-    """Return a text for each stage from the values of its keys. Two runs share all stages before different texts."""
+    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -27,8 +27,8 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Return indices of the runs in an order that shares stages: keys of early stages change least often. Values of a
-    stage keep the order in which they first appear.
+    """Return indices of the runs in an order in which successive runs share many stages: keys of early stages change
+    least often. Values of a stage keep the order in which they first appear.
     """
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
@@ -40,7 +40,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 class Rows:
-    """Waiting runs in rows: one row for each worker, and a row of runs without a worker."""
+    """Queues of waiting runs: one queue for each worker, and one queue of runs that belong to no worker."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Mapping[str, Any]]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -50,7 +50,9 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """Return the next run of a worker. If its row is empty, the worker takes part of the longest row."""
+        """Return the next run of a worker, or None. A worker with an empty queue takes over the free runs, or half of
+        the longest queue.
+        """
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
@@ -62,7 +64,7 @@ class Rows:
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """Give the row of a worker that left to all workers."""
+        """Free the runs in the queue of a worker that has gone, so that any worker can take them."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _take_share(self) -> list[int]:
@@ -93,11 +95,11 @@ def sweep(
 ) -> list[Run]:
     """Run every combination of the values in `vary`; the value of the last key changes most often.
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
-    metrics : names from `METRICS`, or functions of a Design by name.
+    metrics : names from `METRICS`, or a dict of names and functions of a Design.
     keep    : receives the changes and the Design of each successful run, e.g. to write files.
-    The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
-    stages that they do not need. A design that cannot be built is a Run with its error. `dsfab sweep` makes sweeps in a
-    folder, in many processes, which can continue after a stop.
+    Successive runs share stages: a sweep over pattern keys solves statics and modes once. For metrics from `METRICS`,
+    only the necessary stages run. A design that cannot be built gives a Run with the error. The command `dsfab sweep`
+    runs a sweep in a folder, with many processes; it can continue after a stop.
     Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
     measured = _metrics(metrics)

@@ -31,8 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """Return the cut sheet's equilibria, by name of the load that its pattern follows. They are solved once. Raises
-    StaticsError if the sheet does not carry its loads.
+    """Return the cut sheet's equilibrium under each load that its pattern follows, by the load's name. The design
+    stores the result. Raises StaticsError if the sheet does not carry its loads.
     """
 
     def solve() -> dict[str, Equilibrium]:
@@ -42,7 +42,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """Return the full verdict on a design's cut sheet under the loads that its pattern follows. It is computed once."""
+    """Return the full verdict on the cut sheet, under the loads that its pattern follows. The design stores it."""
 
     def run_check() -> Verdict:
         loads = design.statics.loads(design.preset.followed_weights)
@@ -54,7 +54,7 @@ def verdict(design: Design) -> Verdict:
 
 Metric = Callable[[Design], float]
 
-NARROWEST = 0.1  # share of the area that `min_width` omits, because modes have no slope at singular points
+NARROWEST = 0.1  # `min_width` omits the narrowest tenth of the area, because modes have no slope at singular points
 
 
 def _loose(design: Design) -> float:
@@ -64,7 +64,9 @@ def _loose(design: Design) -> float:
 
 
 def _min_width(design: Design) -> float:
-    """Return the width across the stripes, 2 d / |grad z| on faces of material, of the narrower family."""
+    """Return the stripe width that 90 % of the stripes' area exceeds. A width is 2 d / |grad z|: z is the field of the
+    stripes, and d the half width in units of z.
+    """
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)
@@ -138,7 +140,7 @@ def _ersatz(design: Design) -> float:
     share = np.bincount(design.sheet.parent, design.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, share) for load in design.statics.loads(design.preset.followed_weights).values()]
     sheet = FaceStiffness.from_sheet(design.preset.statics.sheet().model_for(surface), loads)
-    void = 1e-6  # stiffness of a face without material
+    void = 1e-6  # relative stiffness of a face without material
     u = sheet.factor(void + (1 - void) * np.clip(share, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(design.preset.followed_weights.values()))
 
@@ -195,7 +197,7 @@ Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit, better direction, required stage, and description of a metric."""
+    """Unit of a metric, whether less or more is better, the stage that the metric needs, and its description."""
 
     unit: str
     better: Better

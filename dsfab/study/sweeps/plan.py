@@ -44,7 +44,7 @@ class Range(BaseModel):
         return self
 
     def value_at(self, u: float) -> int | float:
-        """Return the value at the place u in 0..1 of the range; each whole number has an equal share of 0..1."""
+        """Return the value at position u of the range, 0 to 1; each whole number has an equal share of 0..1."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._interpolate(u)
@@ -70,7 +70,7 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """A direction of the space of designs: keys that change together, over a range or rows of values."""
+    """An axis of the design space: keys that change together, through a range or through rows of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
@@ -82,7 +82,7 @@ class Axis:
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def changes_at(self, u: float) -> dict[str, Any]:
-        """Return the changes at the place u in 0..1; each row has an equal share of 0..1."""
+        """Return the changes at position u of the axis, 0 to 1; each row has an equal share of 0..1."""
         if self.span is not None:
             return {self.keys[0]: self.span.value_at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -99,8 +99,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay,
-    because they are values like those after --set. Empty tables stay, too.
+    """Return nested tables as dotted keys. Three kinds of tables stay as values: ranges, which have the key `from`;
+    empty tables; and tables below a quoted dotted key, as after --set.
     """
     entries: dict[str, Any] = {}
     for key, value in table.items():
@@ -123,7 +123,7 @@ _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z
 
 
 def _equal(value: float, limit: float) -> bool:
-    return abs(value - limit) <= 1e-3 * abs(limit)  # a share of 0.4003 equals 40 %
+    return abs(value - limit) <= 1e-3 * abs(limit)  # 0.4003 counts as equal to 0.4
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -139,7 +139,7 @@ _HOLDS: dict[str, Callable[[float, float], bool]] = {
 
 @dataclass(frozen=True)
 class Constraint:
-    """`metric` compared with a limit in SI units."""
+    """A comparison of `metric` with a limit in SI units."""
 
     metric: str
     sign: str
@@ -169,7 +169,7 @@ class Constraint:
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """Return the distance to the limit over the limit: 0 if the limit is met, infinite without the metric."""
+        """Return the distance from the limit, relative to it: 0 if the constraint holds, inf without the metric."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")

@@ -30,9 +30,9 @@ MOST = 1_000_000  # limit on the number of runs; a grid with more runs is a mist
 
 
 def points(plan: Plan) -> list[Changes]:
-    """Return the changes of each run, without repeats. Raises PresetError for grids beyond `MOST` and for CSV files
-    that cannot be read.
-    sobol : scrambled Sobol points. More points begin with the same points, so that a sweep can be extended.
+    """Return the changes of each run, without repeats. Raises PresetError for more than `MOST` points, and for a CSV
+    file that cannot be read.
+    sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
     lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
     """
     kind, _, rest = plan.sampling.partition(":")
@@ -59,7 +59,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Return points that reveal mistakes in the keys and values of a search: ends and inner places of each axis."""
+    """Return test points that reveal mistakes in a search's keys and values: ends and inner points of each axis."""
     middle = np.full(len(plan.axes), 0.5)
     runs = []
     for i, axis in enumerate(plan.axes):
@@ -71,7 +71,7 @@ def trials(plan: Plan) -> list[Changes]:
 
 
 def check_points(preset: Preset, runs: list[Changes]) -> None:
-    """Raise PresetError for invalid keys and values of the first 5000 runs, each mistake once, before any build."""
+    """Raise PresetError for invalid keys and values in the first 5000 runs; the message lists each mistake once."""
     wrong: dict[str, None] = {}
     for changes in runs[:5000]:
         try:
@@ -103,8 +103,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """Yield one run for each row of a CSV file, with values like those after --set. Columns are dotted keys. If columns
-    begin with 'in:', the remaining columns are ignored. Raises PresetError for a file without rows or that cannot be
+    """Yield one run for each row of a CSV file, with values written as after --set. Each column is a dotted key. If
+    some columns begin with 'in:', all others are ignored. Raises PresetError for a file that has no rows or cannot be
     read.
     """
     try:
@@ -141,7 +141,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """A recorded run. tries : number of starts.    lost : number of dead workers, over all sessions."""
+    """A recorded run. tries : number of starts.    lost : number of workers that died in it, over all sessions."""
 
     number: int
     changes: Mapping[str, Any]
@@ -156,8 +156,7 @@ class RunRow:
 
 class Store:
     """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError if the
-    disk
-    is full or the file cannot be used.
+    disk is full or the file cannot be used.
     """
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
@@ -228,17 +227,17 @@ class Store:
             raise _refusal(self._path, error) from error
 
     def meta(self, key: str) -> str | None:
-        """Return the text about the sweep that is recorded under a key, or None."""
+        """Return the text that is recorded under a key, such as 'plan', or None."""
         rows = self._read("SELECT value FROM meta WHERE key = ?", (key,))
         return str(rows[0][0]) if rows else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Record texts about the sweep."""
+        """Record texts about the sweep by key, for `meta`."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record new runs as waiting, and texts about the sweep. Return the number of new runs."""
+        """Add new runs as waiting, and record texts as `describe` does. Return the number of added runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -253,7 +252,7 @@ class Store:
         return count
 
     def reset_to_waiting(self, states: Sequence[State] = ("running",)) -> int:
-        """Reset runs in these states to waiting, by default runs of a coordinator that died. Return their number."""
+        """Set runs in these states to waiting, by default the runs of a coordinator that died. Return their number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -272,7 +271,7 @@ class Store:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record that this session does not repeat a run, because its worker was killed each time."""
+        """Record a run as killed: each of its workers was killed, so this session does not repeat the run."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -327,8 +326,7 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 FEWEST, PER_AXIS = 12, 4
 """Points of a generation: four for each axis, at least twelve. Their number does not depend on the length of the
-search,
-so that the user can extend a search.
+search, so that the user can extend a search.
 """
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
@@ -341,12 +339,14 @@ Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Search the best of `plan.search.metric` under the constraints, within the allowed number of runs."""
+    """Search for the best value of `plan.search.metric` under the constraints, within the allowed number of runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """Return the cost to minimise: the logarithm of the metric (negative if more is better), or at least `MISSED`."""
+    """Return the cost of a run: the logarithm of the metric, negative if more is better. A run that failed or misses a
+    constraint costs `MISSED` or more.
+    """
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

@@ -11,7 +11,7 @@ from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
-TRIES = 2  # number of dead workers after which a run waits for the next session, or after several sessions runs alone
+TRIES = 2  # if this many workers die in a run, the session stops trying it; the next session makes it alone
 PATIENCE = 600.0  # seconds without any worker before the scheduler gives up
 Deliver = Callable[[Outcome, Changes], list[str]]  # writes the files of a run and returns their names
 
@@ -53,9 +53,9 @@ def conduct(
     report: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
+    """Carry out the waiting `runs` (number -> changes) of a store, until each is done, failed or killed.
     report   : receives the progress before the first run and after each run.
-    progress : progress of the whole sweep, if the sweep has more runs.
+    progress : progress of the whole sweep; by default counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
     recorded as running; `Store.reset_to_waiting` resets them.
     """
@@ -63,7 +63,7 @@ def conduct(
 
 
 def current_progress(store: Store, total: int | None = None) -> Progress:
-    """Return the progress at the start of a session. total : number of expected runs; None counts the recorded runs."""
+    """Return the progress at the start of a session. total : number of runs; default: all recorded runs."""
     counts = store.counts()
     done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
     return Progress(total or sum(counts.values()), done, failed, killed=killed)
@@ -123,7 +123,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # an error of the worker; a run returns its own errors
+        except Exception as error:  # the worker died; an error of the run itself is part of the outcome
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

@@ -30,9 +30,9 @@ Drawer = Callable[[Design], bytes]
 
 @dataclass(frozen=True)
 class Job:
-    """Input that all runs of a sweep share, as plain data for all workers.
-    token   : unique name.    preset : the base preset as nested tables.    metrics, keep, formats : see `Plan`.
-    draw    : function that draws a picture, or None.
+    """Input that all runs of a sweep share, as data that can be sent to workers.
+    token   : text that identifies the job.    preset : the base preset as nested tables.
+    metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
     mesh    : content of the preset's mesh file if workers cannot read the file.
     """
 
@@ -68,9 +68,8 @@ _thread_state = threading.local()  # state of each worker thread: the job, its b
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Make one run and return its outcome. The function does not raise: the outcome holds the error, and the metrics
-    that
-    were computed before the error.
+    """Carry out one run and return its outcome. Errors do not raise: the outcome holds them, with all successful
+    metrics.
     """
     with _run_lock:
         return _run_job(job, number, changes)
@@ -158,14 +157,14 @@ class Workers(Protocol):
         """Forget a worker that died or must stop. Return the reason, or '' if the reason is unknown."""
 
     def learn(self, outcome: Outcome) -> None:
-        """Record the memory of a finished run; it limits the number of workers."""
+        """Record the peak memory of a finished run, because it limits the number of workers."""
 
     def close(self) -> None:
         """End all workers at once."""
 
 
 class OneWorker:
-    """The first of several workers alone. The remaining workers stop, so that this worker may use all of the memory."""
+    """Workers of which only the first works. The others are stopped, so that the first has all of the memory."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
@@ -197,7 +196,7 @@ the number of threads.
 
 class LocalWorkers:
     """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not stop the rest.
-    workers : number of workers; default: as many as fit into memory, by the need of the first run.
+    workers : number of workers; default: as many as fit into memory, if each needs as much as the finished runs.
     """
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
@@ -241,7 +240,7 @@ class LocalWorkers:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker. Return a reason if the system has since killed a process because of low memory."""
+        """End a worker. Return a reason if memory was low and the system killed a process since the last call."""
         self._pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -263,7 +262,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Start processes in this context with one thread each. They ignore Ctrl-C, which the coordinator handles."""
+    """Context in which new processes get one thread each and ignore Ctrl-C, because the coordinator handles Ctrl-C."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     in_main_thread = threading.current_thread() is threading.main_thread()
@@ -322,8 +321,8 @@ SECONDS = 20  # time limit for a scheduler's answer
 
 class DaskWorkers:
     """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
-    worker. Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a
-    core. Raises DsfabError if dask is not installed or the scheduler does not answer.
+    worker. Start one worker per core, with one thread each (`dask worker --nthreads 1`), because a worker makes one run
+    at a time. Raises DsfabError if dask is not installed or the scheduler does not answer.
     """
 
     def __init__(self, job: Job, scheduler: str) -> None:
@@ -342,7 +341,7 @@ class DaskWorkers:
 
     def workers(self) -> Collection[str]:
         """Return the addresses of the present workers."""
-        # n_workers=-1, because newer versions list five workers by default
+        # n_workers=-1 lists all workers; newer versions of Dask list only five by default
         return list(self._client.scheduler_info(n_workers=-1)["workers"])
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
@@ -379,9 +378,8 @@ def fitting_processes(count: int) -> int:
 def map_in_processes(
     job: Callable[[Item], Result], items: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
 ) -> Iterator[Result]:
-    """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
-    work : relative duration of an item; the longest items start first, so that all processes end at about the same
-           time.
+    """Yield job(item) for each item in order, from `workers` processes of one thread each. 1 means this process.
+    work : relative duration of an item; the longest items start first, so that all processes end together.
     Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """
     if workers == 1:

@@ -40,9 +40,9 @@ class TrialRow:
     width, share : its width rule, and the share of the surface that is material.
     vertices     : number in the uncut mesh.     triangles : number in the cut mesh.
     per_member, facets : see `Verdict`.
-    quick        : J, by hybrid + hhj on the unrefined cut mesh.
-    midedge      : J, by quadratic + midedge on the first mesh of the verdict.
-    compliance   : J, by quadratic + hhj, on each mesh.           recovery : sum of both ZZ errors, on each mesh.
+    quick        : compliance (J) with the elements hybrid + hhj on the unrefined cut mesh.
+    midedge      : J, with quadratic + midedge, on the first mesh of the verdict.
+    compliance   : J, with quadratic + hhj, on each mesh.    recovery : ZZ error, membrane plus bending, on each mesh.
     """
 
     kind: str
@@ -75,7 +75,7 @@ class TrialRow:
 
     @property
     def truth(self) -> float:
-        """Compliance (J), extrapolated from all meshes at their own rate."""
+        """Compliance (J), extrapolated at the rate at which the values on all meshes converge."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
@@ -90,7 +90,7 @@ class TrialRow:
 
     @property
     def is_tested(self) -> bool:
-        """True if a mesh finer than those of the verdict was solved, so that the truth is independent of it."""
+        """True if a finer mesh than the verdict's was solved, so that the truth is independent of the verdict."""
         return len(self.compliance) > self.levels
 
     @property
@@ -107,8 +107,8 @@ class TrialRow:
 @dataclass(frozen=True)
 class Summary:
     """Statistics of the tested designs of a table.
-    designs, converged : number of designs, and of converged designs.    inside : share of designs within the bound.
-    median_bound  : median bound of the verdict.    largest_error : largest error of the verdict.
+    designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
+    inside        : share of designs with an error below the bound.    median_bound : median bound of the verdict.
     quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
     """
 
@@ -237,8 +237,8 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """Return a random design solved on up to `count` meshes. If the verdict on a large design takes two meshes, the
-    third mesh is the truth. Raises DsfabError if the design cannot be built or does not carry its loads.
+    """Return a random design, solved on up to `count` meshes. A large design gets no fourth mesh if its verdict needs
+    only two. Raises DsfabError if the design cannot be built or does not carry its loads.
     """
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
@@ -265,7 +265,7 @@ def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(mesh_level.compliance[case] for mesh_level in levels),
         tuple(mesh_level.zz_membrane[case] + mesh_level.zz_bending[case] for mesh_level in levels),
     )
-    largest_triangles = 100_000  # limit for a fourth mesh, which else takes too long
+    largest_triangles = 100_000  # largest fourth mesh, because larger ones take too long
     if count > 3 and (64 * row.triangles <= largest_triangles or not row.is_tested):
         finest = _solve(setting, next(finer), forces, MAIN_ELEMENTS)
         recovery = finest.zz_membrane[case] + finest.zz_bending[case]
@@ -290,5 +290,5 @@ def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) 
                 yield trial_row(kind, seed)
                 solved += 1
             except DsfabError:
-                pass  # a design that falls apart does not test a bound
+                pass  # a design without a result does not test the bound
             seed += 1

@@ -16,7 +16,7 @@ LEAST_BOUND = 0.003  # smallest bound, because the truth in the calibration tabl
 
 QUICK_ERRORS = (0.02, 0.05)  # relative error of the quick level: its median and its 90 % quantile
 
-LEAST_EDGES_PER_MEMBER = 4.0  # least width of members, in edges of the uncut mesh, without a warning
+LEAST_EDGES_PER_MEMBER = 4.0  # members narrower than this number of edges of the uncut mesh give a warning
 
 
 @dataclass(frozen=True)
@@ -28,16 +28,16 @@ class ComplianceEstimate:
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the one
-    before.
-    spread   : relative difference to quadratic + midedge on the first mesh; about half of it remains after each
-               refinement. On finer meshes it would cost half as much again.
+    """Return the compliance and its bound from the compliances by quadratic + hhj on successive meshes. Each mesh has
+    four times the triangles of the mesh before.
+    spread   : relative difference between quadratic + midedge and quadratic + hhj on the first mesh. About half of it
+               remains after each refinement. A second solve on finer meshes would add half to the cost.
     recovery : ZZ error of the finest mesh.
 
-    The value of three meshes is the mean of two extrapolations: by the usual rate, and by the rate of its own steps.
-    On the ten designs with a fourth mesh, neither extrapolation alone is better.
+    With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
+    the two steps. On the ten designs with a fourth mesh, neither extrapolation alone is better.
     """
-    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least that calibration.csv allows
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that calibration.csv allows
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
         return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), LEAST_BOUND))
@@ -50,7 +50,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """Extrapolate at the rate of the last steps within `STEP_RATIOS`; without a rate, by `EXTRAPOLATION_DIVISOR`."""
+    """Extrapolate by the ratio of the last two steps, clipped to `STEP_RATIOS`, or by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / EXTRAPOLATION_DIVISOR
@@ -68,8 +68,7 @@ reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest load factor, or lowest frequency (Hz). bound : half width of its interval, relative to the value; inf for
-    one
-    mesh. ratio : of the two steps between three meshes, each with four times the triangles; None for fewer meshes.
+    one mesh. ratio : first step over second step of the value, from mesh to mesh; None for fewer than three meshes.
     """
 
     value: float
@@ -83,15 +82,15 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles.
+    """Return value and bound from the lowest eigenvalue on one to three meshes, each with four times the triangles of
+    the mesh before.
 
-    With two meshes, the value extrapolates half of the step, like a compliance. The bound is the whole step, which
-    covers
-    step ratios from 1.7. With three meshes, the value extrapolates by its own ratio, clipped to `STEP_RATIOS`, and
-    the bound is the extrapolated part. If the last step has the opposite sign, the value is the last one, and the
-    bound is
-    twice that step. If steps do not shrink, the bound is twice the larger step. The rule is not calibrated on random
-    designs. It covers mesh error alone: the sheet is thin, perfect in shape, and linear until it buckles.
+    With two meshes, half of the step between them is added to the last value. The bound is the whole step, which covers
+    step ratios from 1.7. With three meshes, the value is extrapolated with the ratio of the two steps, clipped to
+    `STEP_RATIOS`. The bound is the extrapolated part. If the two steps have opposite signs, the value is that of the
+    finest mesh, and the bound is twice the last step. If steps do not shrink, the bound is twice the larger step. The
+    rule is not calibrated on random designs. It covers only mesh errors: the sheet is thin, perfect in shape, and
+    linear until it buckles.
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
@@ -114,8 +113,8 @@ REENTRANT_ANGLE = np.radians(30)  # least inward turn of the outline at a reentr
 @dataclass(frozen=True)
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
-    away : largest value farther than a rib's width from corners, because peaks at corners grow with refinement; None
-           for other quantities, or if every face is near a corner.
+    away : largest value on faces farther than a rib's width from corners, because stress peaks at corners grow with
+           refinement. None if no face is that far, or for quantities without peaks.
     """
 
     value: float
@@ -132,8 +131,8 @@ class Extreme:
 def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> dict[str, Extreme]:
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
-
-    Each extreme is at least 0, and the largest of both sides and the middle.    supported : (n,) mask of the vertices.
+    Each extreme is the largest of both sides and the middle of the sheet, and at least 0. supported : (n,) mask of
+    supported vertices.
     """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
@@ -154,7 +153,7 @@ def extreme(surface: Surface, value: Floats, off_corner_faces: Bools | None = No
 
 
 def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
-    """Return the value up to which lies a `share` of the weights (k,) of values (k,)."""
+    """Return the weighted quantile of values (k,): a `share` of the weights (k,) belongs to values up to it."""
     return weighted_quantile(value, weight, share)
 
 
@@ -175,7 +174,7 @@ def rib_width(surface: Surface) -> float:
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """Return (c,) border vertices around which the material turns by more than half a turn and `REENTRANT_ANGLE`."""
+    """Return the border vertices (c,) with a material angle over 180 degrees plus `REENTRANT_ANGLE`."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     angle = np.arctan2(np.linalg.norm(np.cross(ahead, back), axis=2), (ahead * back).sum(axis=2))

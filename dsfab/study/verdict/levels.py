@@ -33,18 +33,18 @@ from dsfab.statics import (
 from dsfab.study.verdict.estimates import Extreme, rib_width, stress_extremes
 from dsfab.surface import LoadCase, Surface
 
-CREASE_COSINE = np.cos(np.radians(30))  # least cosine between a face's normal and a vertex's mean normal on no crease
+CREASE_COSINE = np.cos(np.radians(30))  # a smaller cosine of a face's normal and a vertex's mean normal marks a crease
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Surface whose faces are quadratic patches over barycentric coordinates: p + sum over edges of 4 l_i l_j bulge.
+    """Quadratic patches: a flat face's point with barycentric l moves by the sum of 4 l_i l_j bulge over edges i-j.
     surface : the flat faces.
-    bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
+    bulge   : (e, 3) vector from the middle of each chord to its curved edge, metres; 0 for flat faces and creases.
 
-    The edge is a cubic curve from a to b, square to the normals n_a and n_b at its ends; its middle gives the bulge
-    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge does
-    not depend on the sign of the normals. Two patches have the same bulge at their common edge, so there is no gap.
+    The edge is a cubic curve from a to b, perpendicular to the normals n_a and n_b at its ends; its middle gives the
+    bulge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge
+    does not depend on the sign of the normals. Patches have the same bulge at a common edge, so there is no gap.
     """
 
     surface: Surface
@@ -65,7 +65,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """Return points (k, 3), metres, with barycentric weights (k, n); a row has up to three weights, in one face."""
+        """Return the points (k, 3), metres, with barycentric weights (k, n); each row is a point in one face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -83,12 +83,12 @@ def _normal_component(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """Return unit normals (m, 3, 3) at the corners of faces: the mean around a vertex; at a crease the face normal."""
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, or the face's normal at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first_face = np.zeros(surface.n, dtype=np.int64)
     first_face[corner[::-1]] = face[::-1]
     face_normals = surface.normals[face]
-    # on a one-sided sheet, faces around a vertex have opposite sides; they all take the side of the first face
+    # on a one-sided sheet, normals around a vertex may be opposite; all take the side of the first face
     side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = face_normals * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
@@ -121,8 +121,8 @@ def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
 
 
 class Shares(NamedTuple):
-    """A load on a sheet, independent of its mesh, newtons.
-    vertices : (n, 3) forces around each vertex of the uncut surface at which the sheet still has material.
+    """Forces of a load on a sheet, newtons, independent of the sheet's mesh.
+    vertices : (n, 3) forces on the material around each vertex of the uncut surface.
     faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material.
     """
 
@@ -132,7 +132,7 @@ class Shares(NamedTuple):
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
     """Return the mesh-independent shares of each load; they sum to the forces of the load.
-    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
+    loads : loads on the sheet (`dsfab.design.sheet_loads`). A force inside an uncut face goes to the face's vertices.
     """
     areas, count = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     shares_by_load = {}
@@ -147,16 +147,15 @@ def on_mesh(
     surface: Surface, sheet: Sheet, uncut_loads: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
     """Return supports and loads on any mesh of a sheet of the uncut surface.
-    uncut_loads : loads on the uncut surface.    forces : `shares` of these loads.
+    uncut_loads : supports and loads on the uncut surface.    forces : `shares` of these loads.
 
-    The material around a vertex takes the vertex's force, in proportion to the hat function of the uncut mesh. So a
-    load has the same place and size on every finer mesh. No force acts on a point, because under a point force a sheet
-    in
-    its plane has no finite displacement. A load on a face spreads evenly over the material of the face. The sum of all
+    The force of a vertex is spread over the material around it, in proportion to the hat function of the uncut mesh. So
+    a load has the same place and size on every finer mesh. No force acts on a point, because a sheet in its plane has
+    no finite displacement under a point force. A load on a face spreads evenly over the face's material. The sum of all
     forces is exact.
     """
     F, areas = sheet.surface.F, sheet.surface.areas
-    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # three times the mean
+    hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over the corners
     mass = np.asarray(hats.T @ areas)
     material = np.bincount(sheet.parent, areas)
     cases, spreads = {}, {}
@@ -174,11 +173,11 @@ PARABOLIC_SHEAR = 6 / 5  # energy factor of shear stress that is a parabola over
 
 class RibSoftening(NamedTuple):
     """Effects that make a solid softer than a thin sheet, as shares of the thin sheet's compliance.
-    torsion : growth if twisted ribs are bars of their own width and thickness, by a second solve (`solve_cases`); inf
-              if that solve is impossible.
-    shear   : energy of shear through the thickness, q^2 6 / (5 G h) per square metre. q is the thin sheet's, averaged
-              over half a thickness in all directions, because a solid spreads the flow through a neck.
-    bending : energy of moments, times the root of thickness over the mean width of ribs.
+    torsion : growth of the compliance if ribs twist as bars of their own width and thickness (`solve_cases`); inf if
+              this second solve fails.
+    shear   : energy of transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces
+              within half a thickness, because a solid spreads the shear force at a neck.
+    bending : energy of bending, times the square root of thickness / mean rib width.
     """
 
     torsion: float
@@ -194,7 +193,7 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Return the softening of a solved sheet that bends, for each case, by another solve on the same mesh."""
+    """Return the softening of a solved sheet for each load case, by a second solve on the same mesh."""
     surface, h, material = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [answer.compliance for answer in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -216,7 +215,9 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """Return the matrix (m, m) of area means within `reach` (m), for vectors whose sign follows the face's side."""
+    """Return the matrix (m, m) that averages vectors of faces by area within `reach` metres. A vector of a face with
+    opposite normal changes its sign.
+    """
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -228,10 +229,10 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
 def theory_share(soft: RibSoftening) -> float:
     """Return the share by which a solid's compliance may exceed that of a thin sheet.
 
-    The factors cover 39 random designs, solved by CalculiX as quadratic wedges, and 31 designs on other surfaces
-    (`solids.csv`; 8 of them, seed 3, were drawn after the formula). All are softer than thin sheets. Torsion and shear
-    follow from mechanics. Bending covers two further effects: joints of ribs, and shells that are thick for their
-    radius.
+    The factors cover all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 designs on other
+    surfaces (`solids.csv`; 8 of these, seed 3, were drawn after the formula). All solids are softer than thin sheets.
+    Torsion and shear follow from mechanics. The bending term covers two further effects: joints of ribs, and shells
+    that are thick for their radius.
     """
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
@@ -252,17 +253,17 @@ half of a symmetric factor, and its input is freed before: 1.2 million unknowns 
 
 @dataclass(frozen=True)
 class Level:
-    """One mesh of a verdict.
-    triangles  : number of triangles.      unknowns : number for the main pair (without bending in the plane).
-    compliance : J, by the main pair, for each case: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for the quick level.
-    midedge    : J, by `SPREAD_ELEMENTS`; empty if these did not run.
+    """One mesh of a verdict. Its main pair of elements: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` at the quick level.
+    triangles  : number of triangles.      unknowns : number for the main pair; a plane sheet has no bending unknowns.
+    compliance : J, by the main pair, for each case.
+    midedge    : J, by `SPREAD_ELEMENTS`, for each case; empty if this pair was not solved.
     zz_membrane, zz_bending : main pair's squared error of the recovered stress for each case, as a share of the
                  compliance [Zienkiewicz and Zhu 1987].
-    residual   : largest relative residual of all cases and pairs, in the norm of the energy (see `Equilibrium`).
+    residual   : largest relative residual of all cases and pairs, in the energy norm (see `Equilibrium`).
     seconds    : time of both pairs.
     memory     : bytes, the peak of the process so far.
     stresses   : main pair's stresses for each case, see `stress_extremes`.
-    softer     : main pair's softening for each case, see `RibSoftening`; empty without a request, or in the plane.
+    softer     : main pair's softening for each case, see `RibSoftening`; empty for a plane sheet or if not requested.
     """
 
     triangles: int
@@ -326,7 +327,7 @@ def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
     """Return the squared energy errors of membrane and bending, relative to the compliance. An error is the difference
-    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for stress constant on faces.
+    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for elements of constant stress.
     """
     if answer.compliance <= 0:
         return 0.0, 0.0

@@ -28,13 +28,13 @@ from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
-MODE_ELEMENTS: Elements = elements_of("buckling")  # elements of frequencies, too: both analyses share the stiffness
+MODE_ELEMENTS: Elements = elements_of("buckling")  # also for frequencies: both analyses share the stiffness matrix
 
 
 @dataclass(frozen=True)
 class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
-    buckling : lowest factor of each case, None if the case compresses nothing; empty if not requested.
+    buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
     hertz    : lowest frequency, None if not requested.
     """
 
@@ -77,7 +77,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.from_surface(setting.surface)), MOST_MESHES):
-            # the memory with two stored factors is not measured, so the larger figure counts
+            # the memory for two stored factorisations was not measured, so the larger figure counts
             needed = memory_needed(MODE_ELEMENTS.unknowns(mesh.surface), MODE_ELEMENTS.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
@@ -105,7 +105,7 @@ def mode_level(
     standing: ModeSupports,
     request: ResultRequest,
 ) -> ModeLevel:
-    """Return the modes on one mesh; all cases share one factor. Raises StaticsError if modes cannot be solved."""
+    """Return the modes on one mesh. All cases share one matrix factorisation. Raises StaticsError if a solve fails."""
     sheet, factor_cache = material.model_for(surface), FactorCache(2)
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load

@@ -40,7 +40,7 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """The uncut surface, the sheet's material, and the loads by case, which all competitors share."""
+    """The uncut surface, the sheet's material, and the loads by case. All designs in a comparison share them."""
 
     surface: Surface
     made: SheetMaterial
@@ -48,7 +48,7 @@ class LoadedSurface:
 
     @classmethod
     def from_design(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """Return the surface, cases and combinations of a design, with `share` of its thickness."""
+        """Return the surface, cases and combinations of a design whose sheet has `share` of its thickness."""
         statics = design.preset.statics
         material, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -71,9 +71,9 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """Return material that reaches a support over edges, dropped pieces (largest first), and the loads on that
-    material. Raises StaticsError without supports, for a free rigid motion, and for a load on a dropped piece or on no
-    material.
+    """Return the material that is connected to a support, the dropped pieces (largest first), and the loads on the
+    attached material. Raises StaticsError without supports, for a free rigid motion, and for a load on a dropped piece
+    or on no material.
     """
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
@@ -106,9 +106,9 @@ class CaseVerdict:
     bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
     status : pass: the sheet carries the loads, and the bound is at most `CONVERGED`. fail: the sheet does not carry the
              loads. unknown: the bound is larger.
-    spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, minus 1.
+    spread : compliance by quadratic + midedge relative to that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : share by which a solid may be softer, because the bound is about thin sheets; see `theory_share`.
+    theory : share by which a solid may be softer than this thin sheet; see `theory_share`.
     """
 
     name: str
@@ -132,7 +132,7 @@ class Verdict:
     dropped    : pieces of material that reach no support, largest first; the solver omits them.
     per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : a sentence for `per_member` and for `facets` if they exceed their limits.
+    warnings   : a sentence for each of `per_member` and `facets` that is beyond its limit.
     """
 
     depth: Depth
@@ -301,14 +301,14 @@ def check(
     cells: Sheet | None = None,
 ) -> Verdict:
     """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
-    subject : a design, or a `LoadedSurface` that competitors share.
-    sheet   : the material, with loose pieces, in the subject's surface; default: that of the design.
+    subject : a design, or a `LoadedSurface` that designs in a comparison share.
+    sheet   : the material on the subject's surface, loose pieces included; default: that of the design.
     depth   : "quick": one solve on the unrefined mesh. "full": solves on the cut mesh and on its refinement, whose
               points lie on the smooth surface, and extrapolates. A third mesh follows if the bound still exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
-    cells   : all cells of the sheet; default: those of a design. If needle faces stop the solver, they are flipped and
-              collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this, 781 needles
-              among 38 127 triangles made a sheet look like a mechanism.
+    cells   : the cut mesh, openings included; default: that of a design. If needle faces stop the solver, they are
+              flipped and collapsed (`dsfab.slicing.finishing.mesh_quality`), and the solver runs again. Without this
+              step, 781 needles among 38 127 triangles made a sheet look like a mechanism.
 
     A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError for a `LoadedSurface` without
     `sheet`.
@@ -365,7 +365,7 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def facet_ratio(smooth: SmoothSurface, thickness: float) -> float:
-    """Return L^2 / (R h) of flat faces: eight times the median distance of an edge's middle from its chord, over h."""
+    """Return L^2 / (R h) of flat faces: eight times the median length of `bulge`, divided by the thickness h."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 

@@ -32,8 +32,8 @@ class EvenEdges:
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
     """Return the mesh V (n, 3), F (m, 3) with straightened borders; unchanged if an edge has more than two faces.
-    A border is ragged if the sheet turns alternately by more than `RAGGED_TURN`, `LEAST_TURNS` times in a row, with at
-    most `LARGEST_GAP` edges between two turns. The vertices stay if a straight line needs moves over a mean edge."""
+    A border is ragged if it turns left and right alternately by over `RAGGED_TURN`, at least `LEAST_TURNS` times. At
+    most `LARGEST_GAP` edges lead from turn to turn. A border stays if a straight line needs moves over a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -57,7 +57,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """Return the turn (n,) of the border at its vertices, radians, positive towards the sheet; 0 elsewhere."""
+    """Return the turn (n,) of the border at its vertices, radians, positive at convex corners; 0 elsewhere."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -122,7 +122,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
     joined : (k, k) pairs of points that already have an edge in the mesh, which a triangle must not create again.
 
-    The triangles have the direction of the outline."""
+    The corners of each triangle follow the direction of the outline."""
     k = len(P)
     if k == 3:
         return np.array([[0, 1, 2]])

@@ -12,8 +12,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, link_components, piece
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
-    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross. Both vertices of
-    such a pair are inside their sheets. The ends of a crossing at the borders of both sheets also count."""
+    """Return which pairs (p,) of coincident vertices (p, 2) are places where sheets of faces F (m, 3) cross. Both
+    vertices are inside their sheets, or at an end of the crossing on the borders of both sheets."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -29,7 +29,7 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that coincide with further faces after `became` (n,) replaces vertices."""
+    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,)."""
     _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
     twice = np.zeros(len(became), dtype=bool)
     twice[F[(count > 1)[group.ravel()]]] = True
@@ -37,7 +37,7 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
-    """Return the non-crossing pairs (p,) that are neighbours of a crossing pair, along edges (e, 2) on both sides."""
+    """Return the other pairs (p,) that a crossing pair reaches along one edge (e, 2) of each sheet."""
     neighbours: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[is_crossing]).any(axis=1)].tolist():
         neighbours.setdefault(a, set()).add(b)
@@ -54,10 +54,10 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
     return ends
 
 
-COPY_GAP = 1 / 500  # A nearer second sheet is a copy; a share of the side of a square with the sheet's area.
-PARALLEL_GAP = 0.08  # dsfab reports nearer parallel sheets and slabs; a share of the same side as `COPY_GAP`.
+COPY_GAP = 1 / 500  # A second sheet is a copy up to this distance divided by the square root of the sheet's area.
+PARALLEL_GAP = 0.08  # Sheets count as parallel, or as a slab, up to this distance divided by the same root.
 LEAST_AREA_RATIO = 0.8  # Least ratio of the areas of the two faces of a slab, or of two parallel sheets.
-IGNORED_SHARE = 0.1  # The least and the largest distances between two sheets, by area, do not count: sides of a slab.
+IGNORED_SHARE = 0.1  # The least and the largest distances, each on this share of the area, do not count: slab sides.
 
 _REMARKS = {
     "copy": "the surface has a second sheet {} from the first, probably a copy; delete one of them, or set "
@@ -77,11 +77,10 @@ _REPAIRS = {
 class ParallelParts:
     """Two parallel parts of a mesh.
     keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides at a small angle may
-    belong
-    to the larger part; otherwise the first part in the file comes first.
+                  belong to the larger part; otherwise the first part in the file comes first.
     gap         : the median distance between the parts, in the mesh's unit.
     kind        : copy, a sheet twice at one place; slab, the two faces of a solid; apart, two sheets.
-    piece       : (p,) all faces of a piece that is a slab.
+    piece       : (p,) all faces of the slab; empty for other kinds.
     way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,)."""
 
     keep: Ints
@@ -141,16 +140,16 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if len(translation):
                 to = V[F[first_part]].mean(axis=1) + translation
-                # faces on the sides of the slab miss the second part by a third of the gap or more
+                # after the translation, faces of the slab's sides miss the second part by a third of the gap or more
                 first_part = first_part[nearest_places(to, V, np.ascontiguousarray(F[second_part])).distance < gap / 4]
             yield ParallelParts(first_part, second_part, gap, "slab", piece_faces, translation)
 
 
 def _translation(V: Floats, first_part: Ints, second_part: Ints, side: float) -> Floats:
     """Return the translation (3,) that moves a part (k, 3) onto the second part (l, 3); empty (0,) if none does.
-    A steep face of an extruded slab is thinner than its translation, for example 20 mm of 100 mm at the foot of a half
-    barrel. The method is the registration of scans [Chen and Medioni 1992]: it removes the distance across the faces in
-    rounds."""
+    At its steep faces, an extruded slab is thinner than its translation, for example 20 mm for 100 mm at the foot of a
+    half barrel. The method is the registration of scans [Chen and Medioni 1992]: each round removes the remaining
+    distance along the normals of the faces."""
     P, n = V[first_part].mean(axis=1), area_vectors(V, first_part)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
@@ -201,13 +200,13 @@ def _candidate_pairs(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[t
 
 
 def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool = False) -> float | None:
-    """Return the median distance of parts (k, 3), (l, 3) that cover each other, else None.
+    """Return the median distance between two parts, faces (k, 3) and (l, 3), if they cover each other, else None.
     even : require a nearly constant distance."""
     ways = ((first_part, second_part), (second_part, first_part))
     gaps = np.concatenate([nearest_places(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, largest = weighted_quantiles(gaps, area, (IGNORED_SHARE, 0.5, 1 - IGNORED_SHARE))
-    uneven = 2.5  # a cushion has larger ratios, because its two sheets meet at the border
+    uneven = 2.5  # largest ratio of distances; a cushion exceeds it, because its sheets meet at the border
     if largest > PARALLEL_GAP * side or (even and not (largest <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY_GAP * side < largest else float(middle)
@@ -222,10 +221,9 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
     """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each repair.
 
-    metres : metres in the mesh's unit, for the texts.
+    metres : length of the mesh's unit in metres, for the texts.
 
-    The first of two copies stays. From a slab, one face stays without the sides; it moves halfway to the second face.
-    """
+    The first of two copies stays. Of a slab, only one of its two faces stays, and moves halfway to the second."""
     doubled = [pair for pair in parallel_parts(V, F) if pair.kind != "apart"]
     stays: Bools = np.ones(len(F), dtype=bool)
     V = V.copy() if doubled else V

@@ -26,7 +26,7 @@ from dsfab.surface.topology import (
 )
 
 WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
-CRUMB = 0.01  # The repair drops a loose piece below this share of the area.
+CRUMB = 0.01  # The repair drops loose pieces below this share of the mesh's area.
 PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this share of the mesh's largest side.
 _NO_AREA = "without area"
 _DOUBT = " (a large part of the mesh: check that all parts are in one unit)"
@@ -43,7 +43,7 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """Return the mesh with only the faces `keep` (k,); the text of the repair calls all removed faces `which`."""
+        """Return the mesh with only the faces `keep` (k,); the repair's text describes the others by `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
@@ -52,16 +52,16 @@ class MendedMesh:
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
-Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Function that returns the sound faces; words for removed faces.
+Fault = tuple[Callable[[Floats, Ints], Ints], str]  # Function that returns faces without the fault; name of the fault.
 
 
 def mended_mesh(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, without faults that no design contains.
+    """Return the mesh V (n, 3), F (m, 3), in any unit, without small faults that no designer intends.
 
-    metres : metres in that unit, for the texts of the repairs.
+    metres : length of that unit in metres, for the texts of the repairs.
 
-    Vertices within `WELD` of the largest side become one vertex, except where sheets cross. The repair removes faces
-    without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
+    Vertices nearer than `WELD` times the largest side become one vertex, except where sheets cross. The repair removes
+    faces without area, repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. It
     closes pinholes with outlines below `PINHOLE`. It stitches seams between patches with different divisions, and joins
     parts that touch in a point (`dsfab.surface.clean.seams`). It drops copies of sheets, and reduces a slab to its
     middle surface (`dsfab.surface.clean.overlaps`). It straightens ragged borders (`dsfab.surface.clean.borders`)."""
@@ -84,7 +84,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """Return the mesh with one sheet in place of two copies or a slab. metres : metres in its unit, for the texts."""
+    """Return the mesh with one sheet in place of two copies or a slab. metres : length of its unit in metres."""
     V, F, texts = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *texts))) if texts else mesh
 
@@ -111,7 +111,7 @@ def _weld(mesh: MendedMesh) -> MendedMesh:
 
 
 def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
-    """Return the mesh in which vertices on edges of other faces are corners of these faces."""
+    """Return the mesh with closed seams: a vertex on an edge of another face becomes a corner of that face."""
     if not len(mesh.F):
         return mesh
     F, joined = stitched_faces(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
@@ -134,9 +134,9 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 
 def _distinct_faces(_: Floats, F: Ints) -> Ints:
-    """Return the faces (k,) without repetitions.
-    Both copies of a face go if two further faces continue at one of its edges. Such a pair of copies lies flat between
-    its neighbours, for example in the corners of a cushion sewn from two sheets."""
+    """Return the faces (k,), with only the first of each group of repeated faces.
+    Both copies of a face are removed if two further faces continue at one of its edges. Such copies lie flat between
+    their neighbours, for example in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
     once = complement(twins, len(F))
     if not len(twins):
@@ -208,7 +208,8 @@ bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, or crowded or folded faces."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: it has folded faces, or it is fine and has small holes or
+    edges of more than two faces."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = F[finite[F].all(axis=1)]
     if not len(F):
@@ -225,14 +226,14 @@ def is_scan(V: Floats, F: Ints) -> bool:
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """Return the mesh V (n, 3), F (m, 3), in any unit, of a scan as a clean sheet, with the number of each repair.
+    """Return the mesh V (n, 3), F (m, 3), in any unit, of a scan as a clean sheet, with a text for each repair.
 
-    metres : metres in V's unit, for the texts.
+    metres : length of V's unit in metres, for the texts.
 
-    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the
-    smoothest continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are
-    separated. Faces get a common orientation. Pieces below `SPECK` of the largest go. Holes with outlines below `HOLE`
-    are filled. Faces that noise has folded over lose their shortest edge."""
+    This function repairs more than `mended_mesh`. At an edge with three or more faces, the two faces with the smoothest
+    continuation stay joined, and all further faces get separate vertices. Parts that touch in a point are separated.
+    Faces get a common orientation. Pieces below `SPECK` of the largest are removed. Holes with outlines below `HOLE`
+    are filled. The shortest edges of faces that noise has folded over are collapsed."""
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split_junctions, _orient_faces, _without_specks, _fill_holes, _flatten_folds):
         mesh = step(mesh) if len(mesh.F) else mesh
@@ -265,7 +266,7 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point in opposite directions
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # the smoothest pair points in opposite directions
         smoothest_pairs.append((h[i], h[j]))
     return np.array(smoothest_pairs, dtype=np.int64).reshape(-1, 2)
 
@@ -309,7 +310,7 @@ def _fill_holes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded_faces(V: Floats, F: Ints) -> Bools:
-    """Return the faces (m,) whose normals oppose the normals around them; a crease has no such faces."""
+    """Return the faces (m,) whose normals point against the mean of their neighbours' normals; a crease is no fold."""
     return _cosines(V, F) < 0
 
 
@@ -344,9 +345,9 @@ def _flatten_folds(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapse_edges(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Collapse the shortest edges of crumpled faces (m,); return the vertices (n, 3), and the target (n,) of each.
-    The target is the middle of the edge, or its end on the boundary. Edges that would join two boundaries or change
-    the topology stay."""
+    """Collapse the shortest edges of crumpled faces (m,). Return the vertices (n, 3), and the vertex (n,) that replaces
+    each. An edge becomes its middle, or its end on the boundary. Edges that would join two boundaries or change the
+    topology stay."""
     edges, n = edge_table(F), len(V)
     rim, face_edges = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)

@@ -10,11 +10,11 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
-ASTRAY_RATIO = 1000.0  # A vertex this many times as far from the middle as 99 % of all vertices is wrong.
+ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times as far from the middle as 99 % of all vertices.
 
 
 def in_reach(V: Floats) -> Bools:
-    """Return the vertices of V (n, 3) that have finite coordinates and are not wrong by `ASTRAY_RATIO`."""
+    """Return the vertices of V (n, 3) that have finite coordinates and are not astray, see `ASTRAY_RATIO`."""
     is_near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not is_near.any():
         return is_near
@@ -28,14 +28,15 @@ def in_reach(V: Floats) -> Bools:
 def merged_vertices(
     V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None
 ) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) at one place into the first of them; return the remaining vertices, and each target (n,).
+    """Merge vertices V (n, 3) at one place; return the remaining vertices, and for each old one its index (n,) there.
 
-    within : share of the mesh's largest side that counts as one place; no vertex moves further. The default suits
-             `trimesh.slice_plane`, which computes the end of a cut for each face, with different last digits.
-    apart  : function that returns the pairs (p,), among pairs of vertices (p, 2), that must stay separate.
+    within : share of the mesh's largest side up to which vertices are at one place; no vertex moves farther. The
+             default suits `trimesh.slice_plane`, which computes the end of a cut for each face, with different last
+             digits.
+    apart  : function that marks (p,) which pairs of vertices (p, 2) must stay separate.
 
-    For mesh files, dsfab merges only equal coordinates (`dsfab.surface.files.mesh_files`), because files repeat a
-    place with equal digits."""
+    For mesh files, dsfab merges only equal coordinates (`dsfab.surface.files.mesh_files`), because files repeat a place
+    with equal digits."""
     alone = V, np.arange(len(V))
     if not len(V) or not np.isfinite(V).all():  # `Surface` reports infinite coordinates
         return alone
@@ -54,8 +55,8 @@ def merged_vertices(
 
 def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints:
     """Return the target (n,) of each vertex: the first vertex of its group, unless this is farther away than `reach`.
-    A group may be a chain: without this limit, a finely divided outline would shrink to a point. Along such a chain,
-    the target of a vertex is the first remaining vertex within reach."""
+    A group may be a long chain of near vertices. Without the limit, a finely divided outline would shrink to a point.
+    In a chain, the target of a vertex is the first remaining vertex within reach."""
     long = np.unique(targets[lengths(V - V[targets]) > reach])
     if not len(long):
         return targets
@@ -69,7 +70,7 @@ def _without_chains(V: Floats, pairs: Ints, targets: Ints, reach: float) -> Ints
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Merge vertices V (n, 3) with equal coordinates, sorted by place, of faces F (m, 3). Here -0.0 equals 0.0."""
+    """Merge vertices V (n, 3) of faces F (m, 3) with equal coordinates, and sort them by place; -0.0 equals 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
@@ -85,10 +86,10 @@ arc of 30 degrees from its chord. Patches along seams narrower than `within` nee
 
 
 def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """Stitch open seams of faces F (m, 3): return the faces with fans along the seams, and the number of joined
-    vertices.
+    """Stitch open seams of faces F (m, 3): divide the faces along a seam into fans. Return the faces, and the number of
+    joined vertices.
 
-    within : distance from an edge at which a vertex lies on the edge, in the unit of V. The faces stay unchanged if
+    within : a vertex nearer than this to an edge lies on the edge; in the unit of V. The faces stay unchanged if
              stitching would create edges of more than two faces."""
     faces, joined = F, 0
     for _ in range(4):  # a face has up to three edges at a seam, and each round stitches one of them
@@ -101,7 +102,7 @@ def stitched_faces(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Return half-edges (k,) on the boundary, at most one per face, and a vertex (k,) of a further face on each."""
+    """Return half-edges (k,) on the boundary, at most one per face, and on each a vertex (k,) of another face."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near_vertices(V, ends, within)
@@ -123,9 +124,9 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Return boundary edges (k,), by their index in `ends` (b, 2), and a boundary vertex (k,) near the inside of each
-    edge. A vertex is near within `SAG` of an edge if boundaries meet. The limit is `within` if all boundaries are
-    closed loops, because these have no seams."""
+    """Return boundary edges (k,), as indices into `ends` (b, 2), and for each a boundary vertex (k,) near its inner
+    part. Near means within the share `SAG` of the edge's length. If all boundaries are closed loops, there are no
+    seams, and near means within `within`."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -151,7 +152,7 @@ def _near_vertices(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
 
 def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
     """Find the points of a tree in balls around places (b, 3). Return the balls (b,) with more than `crowd` points. For
-    all smaller balls, return pairs of a ball (k,) and a point (k,). A count would visit all points of a large ball."""
+    all smaller balls, return pairs of a ball (k,) and a point (k,). Counting would visit all points of a large ball."""
     # the tree excludes points at exactly its upper bound
     distance, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = distance <= radius[:, None]
@@ -172,8 +173,8 @@ def _distinct_pairs(pairs: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def _on_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """Return whether (k,) a boundary edge and a vertex are on two touching strands with common ends. A strand is a part
-    of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is not two."""
+    """Return whether (k,) a boundary edge and a vertex are on two different strands with the same ends. A strand is a
+    part of the boundary, edges (b, 2). Its ends are vertices at which the number of boundary edges is not two."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -227,7 +228,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the face at a vertex between two boundary edges of different fans with the smallest angle between them.
+    """Return the face that fills the smallest angle at a vertex between two boundary edges of different fans.
     away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge. None for angles over 150 degrees.
     """
     along = V[away] - V[v]

@@ -36,7 +36,7 @@ SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURF
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit.
-    Raises MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
+    Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
     for entity in _Entities(budget).leaves(document.modelspace(), 0):
@@ -172,7 +172,7 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 def _spline_points(spline: Any) -> Floats:
     """Return the points (k, 3) of a spline between its first and last effective knot.
-    Paths of ezdxf extend beyond these knots unless the end knots are repeated, as they are not in closed splines."""
+    Paths of ezdxf extend beyond these knots if the end knots are not repeated, as in closed splines."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
@@ -233,8 +233,8 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
     """Return the content of the layers with these names (any case), by name, without empty layers.
-    metres : metres in one unit of the file's numbers. Raises SurfaceError for an unreadable file, as `closed_curves`
-             does."""
+    metres : length of the file's unit in metres. Raises SurfaceError for an unreadable file, as `closed_curves` does.
+    """
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
     marks = {}
@@ -265,7 +265,7 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
             f"{where} has no curve; draw a closed polyline, circle, ellipse or spline, or closed lines and arcs"
         )
     if not all((np.abs(run) < LARGEST_NUMBER).all() for run in curves):
-        raise SurfaceError(f"{where} has a curve with invalid or endless coordinates; draw the curve again")
+        raise SurfaceError(f"{where} has a curve with invalid or infinite coordinates; draw the curve again")
     metres = metres_per(unit or drawing.unit or "m")
     return tuple(metres * loop for loop in _loops(curves, where, budget))
 

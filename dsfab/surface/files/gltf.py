@@ -25,7 +25,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """Buffers that a file's JSON `tree` names. binary : the buffer in the file. beside : reads a neighbouring file."""
+    """Buffers in a file's JSON `tree`. binary : the buffer inside the file. beside : reads a file beside it."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -69,7 +69,7 @@ class Buffers:
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """Return the numbers (count, width) of an accessor, glTF's table of numbers; normalised integers become shares.
+    """Return the numbers (count, width) of an accessor, glTF's table of numbers; normalised integers become fractions.
     Raises MalformedFileError for a different width or missing bytes, before it allocates memory."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])

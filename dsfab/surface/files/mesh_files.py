@@ -23,10 +23,10 @@ from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """Join the faces of a mesh at coincident vertices if only the format of the file separates them. This is so in two
+    """Join the faces of a mesh at coincident vertices if only the format of the file separates them. There are two
     cases: no two faces share a vertex, as in STL files; or every free edge has an exact twin, so that no free edge
-    remains. No edge may get more than two faces. All further coincident vertices stay apart, because they may be a
-    joint. Returns the file and a text about the repair."""
+    remains. No edge may get more than two faces. In all other cases coincident vertices stay apart, because they may be
+    an intended joint. Returns the file and a text about the repair."""
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
     if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
@@ -83,7 +83,7 @@ class RawMesh:
     """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
     polygons : number of faces in the file, before dsfab cut them into triangles.
     unit     : the unit that the file declares, or None.
-    metres   : metres in one of the file's units; 1 without a declaration.
+    metres   : length of the file's unit in metres; 1 without a declaration.
     record   : texts about reading and repairs so far.
     up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
 
@@ -175,7 +175,7 @@ def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:
 
 
 def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
-    over = "".join(f"; ignored: {what}" for what in raw.record.dropped)  # ignored content is often the reason
+    over = "".join(f"; ignored: {what}" for what in raw.record.dropped)  # often the reason for missing faces
     if not len(raw.F):
         text = f"{path} has {len(raw.V)} vertices and no faces"
         raise SurfaceError(f"{text}{over}; give a mesh with at least one triangle")

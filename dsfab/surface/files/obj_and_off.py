@@ -28,7 +28,7 @@ _IGNORED_WORDS = frozenset(
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
 """First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
-_NUMBERS = {3, 4, 6, 7}  # Possible counts of numbers in a vertex: coordinates, also a weight, also a colour.
+_NUMBERS = {3, 4, 6, 7}  # A vertex has three coordinates, perhaps with a weight, a colour, or both.
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)  # A comment ending with a backslash.
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")  # A backslash at the end of a line, with no space beside it.
 _DECIMAL_COMMA = re.compile(r"\d,\d")  # A number with a decimal comma.

@@ -31,7 +31,7 @@ _SPACE = re.compile(rb"\s")
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """A property of a PLY element. length : the type of a list's length; None for a single number."""
+    """A property of a PLY element. length : number type of a list's length; None if the property is not a list."""
 
     name: str
     type: str
@@ -84,7 +84,7 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, position: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """Return the properties of an element whose records begin at index `position` of the numbers (c,), and their end.
+    """Return the properties of an element with records from index `position` of the numbers (c,), and the end index.
     Raises MalformedFileError for a file that ends too early, or has a word in place of a number."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, position
@@ -98,7 +98,7 @@ def text_element(numbers: Floats, position: int, element: PlyElement, budget: Bu
 
 
 def _equal_records(numbers: Floats, position: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """Return start and count (count, p) of each property in each record, and their end; None for unequal lists."""
+    """Return start and length (count, p) of properties in each record, and the end; None if list lengths differ."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -326,7 +326,7 @@ def _whole(indices: NDArray[Any]) -> Ints:
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """Yield a binary file in parts, little endian: V (n, 3), doubles in `unit`, which a comment names, and F (m, 3)."""
+    """Yield a binary file, little endian, in parts: header with the `unit` of V, V (n, 3) as doubles, F (m, 3)."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",

@@ -50,7 +50,7 @@ def quad_triangles(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
     return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
 
 
-_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of quads cut from 0 to 2, and from 1 to 3.
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)  # Triangles of a quad cut from corner 0 to 2, and from 1 to 3.
 _AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)  # Triangle at each side of a quad (side k begins at corner k), for both cuts.
 
 
@@ -65,7 +65,7 @@ def _bend(normals: Floats, neighbour_normals: Floats) -> Floats:
 
 def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, starts: Ints) -> Floats:
     """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads; 0 without exactly one such face.
-    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`."""
+    bent : (f,) faces that are not flat.    starts : (r,) index in `corners` of the first corner of each quad."""
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
     onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
@@ -75,7 +75,7 @@ def _neighbour_normals(V: Floats, corners: Ints, sizes: Ints, bent: Bools, start
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = starts[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # both half-edges' sum minus the first
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # sum of the two half-edges minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     is_flat = (beyond != side) & ~bent[owner[beyond]]
     return np.asarray((np.where(a[beyond] == a[side], -1.0, 1.0) * is_flat)[..., None] * N[owner[beyond]])
@@ -172,7 +172,7 @@ def _earcut(flat: Floats) -> Ints:
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """Return P (k, 3) in the plane of its mean normal, counter-clockwise, over its size, (k, 2); and its noise."""
+    """Return P (k, 3), scaled to size 1, in the plane of its mean normal, (k, 2), and the rounding error."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size

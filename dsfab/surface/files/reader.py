@@ -100,7 +100,7 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
 
 
 def flip_remark(before: Ints, after: Ints) -> tuple[str, ...]:
-    """Return a text about the number of flipped faces (m, 3), or nothing."""
+    """Return a text with the number of faces (m, 3) that were flipped; nothing if none were."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
@@ -161,7 +161,7 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """Facts about a mesh file, sound or not. Lengths are in metres by the unit in use; faces are triangles.
+    """Facts about a mesh file, sound or not. Lengths are in metres, converted from `unit`; faces are triangles.
     Faces with vertices that are not finite count in `faces` only. `volume` is None unless the mesh is closed and
     oriented; `genus` is None unless it is a single oriented manifold piece. `faults` are sentences on why the mesh is
     not an oriented manifold. `smallest_angle` is in degrees and ignores degenerate faces. `unit_guess` is the unit

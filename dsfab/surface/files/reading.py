@@ -35,12 +35,12 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Largest size of the file, also unpacked; text with normals and colours takes 350 bytes per triangle."""
+        """Largest size of the file, also when unpacked; text with normals and colours takes 350 bytes per triangle."""
         return 500 * self.triangles
 
     @property
     def seconds(self) -> float:
-        """Largest duration of reading; the slowest reader takes a sixth of it on one core of 2020."""
+        """Largest duration of reading; the slowest reader takes a sixth of this time on a processor core of 2020."""
         return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
@@ -48,7 +48,7 @@ class Budget:
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError for more than three vertices, or three records `what`, per allowed triangle."""
+        """Raise SurfaceError if `count` exceeds three per allowed triangle; `what` names the counted things."""
         self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
@@ -74,8 +74,8 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """Convert any exception while a file is read into a SurfaceError with a sentence.
-    smaller : remedy if the memory is too small.    damaged : cause of an unknown error of a parser."""
+    """Context that converts any exception while a file is read into a SurfaceError with a message for the user.
+    smaller : remedy in the message if memory is too small.    damaged : cause in the message of unknown errors."""
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
@@ -97,7 +97,7 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 @dataclass(frozen=True)
 class FileRecord:
     """Short texts about the content of one file.
-    read     : the format and its content; then doubts about the content.
+    read     : first the format and the content, then doubts about the content.
     repaired : differences between the surface and the file.
     dropped  : content of the file that the surface lacks."""
 
@@ -111,7 +111,7 @@ class FileRecord:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Lines for the user: all texts except the first, on the format and its content."""
+        """Lines for the user: all texts except the first text of `read`, the format and the content."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -135,7 +135,7 @@ class PolygonFile:
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-    unit : the unit that the file declares, or None. metres : metres in this unit."""
+    unit : the unit that the file declares, or None. metres : length of this unit in metres."""
 
     V: Floats
     F: Ints
@@ -147,7 +147,7 @@ class TriangleFile:
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
-    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # the mark of UTF-16 begins like this mark
+    (codecs.BOM_UTF32_LE, "utf-32-le", "UTF-32 text"),  # before UTF-16, whose mark is the start of this mark
     (codecs.BOM_UTF32_BE, "utf-32-be", "UTF-32 text"),
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
@@ -162,7 +162,7 @@ BLOCK = 1 << 20  # Number of characters that the reader splits into lines betwee
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with plain line ends, doubts about the text, and true if the last line has an end."""
+    """The text of a file with line feeds as line ends, doubts about the text, and whether its last line has an end."""
 
     text: str
     doubts: tuple[str, ...]
@@ -181,15 +181,15 @@ class TextFile:
             position = end + 1
 
     def cut_off(self, part: str) -> tuple[str, ...]:
-        """Return a doubt if the last line, which should be part of `part`, has no end; else nothing."""
+        """Return a doubt that the file is cut off within `part` if its last line has no end; else nothing."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {part}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Return whether one more digit could follow a whole number, from 1 to `count`, at the end of a file."""
+    """Return whether a number at the end of a file, an index up to `count`, may have lost its last digits."""
     if not (word.isascii() and word.isdigit()):
         return True
-    return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # length first, because int refuses 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
@@ -292,7 +292,7 @@ _APART = "put the outlines into a drawing of their own"  # Remedy in the message
 
 
 def curve_points(spans: Floats, curve: Callable[[Floats], Floats]) -> Floats:
-    """Return points (k, 3) of `curve` at the ends of spans (s,), and up to 1024 more per span for `CURVE_TOLERANCE`."""
+    """Return points (k, 3) of a curve at the ends of spans (s,), and up to 1024 per span to keep `CURVE_TOLERANCE`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)

@@ -175,7 +175,7 @@ def read_occt(path: Path) -> TriangleFile:
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         raise MalformedFileError("it has no faces, only curves or points")
-    # triangles are nearer to the face than this share of the box's diagonal; neighbours fold by up to 0.2 radians
+    # tolerances: 2e-4 of the box's diagonal between face and triangles, and 0.2 radians between neighbours
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     V, F, count, lost = list[Floats](), list[Ints](), 0, 0
     while faces.More():

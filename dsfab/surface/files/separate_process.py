@@ -53,7 +53,7 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
     """Return the triangles of a STEP or BREP file, joined along common edges. Raises like `read_rhino_in_process`."""
     mesh = _triangles("cad", path, budget)
-    V, became = merged_vertices(mesh.V, 1e-7)  # two faces have points this near on a common edge
+    V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge differ by less
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return TriangleFile(V, F[is_triangle], mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)

@@ -147,7 +147,7 @@ class _Variable:
 def action_mistakes(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule | None
 ) -> Iterator[str]:
-    """Yield a message for each fault in the kinds of actions of the cases."""
+    """Yield a message for each wrong or missing kind of action of a case, and for too many combinations."""
     cases = case_names(loads)
     for case in actions:
         if case not in cases:
@@ -178,8 +178,8 @@ def en1990_combinations(
 ) -> list[Combination]:
     """Return all combinations of the load cases, with distinct factors; ultimate limit states come first.
     Each selection of variable cases gives combinations, with at most one case of mutually exclusive kinds. Each case of
-    the selection is the leading action once. Favourable weight acts only with wind, because all further loads press
-    down."""
+    the selection is the leading action once. Permanent loads count as favourable only with wind, because all other
+    loads press down."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     combinations: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
@@ -209,7 +209,7 @@ def _ordered_combinations(
         "SLS-quasi": [action.psi[2] for action in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
-        if variable and not variable[0]:  # the leading action has factor 0; a different leading action covers the rest
+        if variable and not variable[0]:  # the leading action has factor 0; other leading actions give the same sum
             continue
         acting = {action.case: factor for action, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting

@@ -15,12 +15,12 @@ from dsfab.surface.loads.supports import Name, Support
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
-EDGE_ON = 1e-12  # A face counts as parallel to a direction if its unit normal has a smaller part along it.
+EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine between normal and direction is smaller.
 
 
 @dataclass(frozen=True)
 class Snow:
-    """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
+    """A load in pascals per *plan* area along `direction` (any length): the force s A |n . d| d on each face.
 
     s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. Reduce s, or pick fewer faces, where snow
     slides off. An open sheet carries snow on all faces, whatever side their normals point to, so pick only the upper
@@ -154,7 +154,7 @@ class LoadParts:
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
-        """Return the sum of the parts, each multiplied by its factor."""
+        """Return the sum of the parts of several cases, each multiplied by its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
         sums = (
             np.sum([f * getattr(parts[k], part) for k, f in weight.items()], axis=0)
@@ -175,7 +175,7 @@ class LoadParts:
         )
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """Return the parts with loads on material multiplied by shares of the material; a share is a number or (m,)."""
+        """Return the parts with `weight` and `bare` multiplied by shares of the material, numbers or arrays (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         return replace(
             self, **{part: getattr(self, part) * share for part, share in zip(SPREAD_PARTS, shares, strict=False)}
@@ -258,8 +258,9 @@ class SelfWeight:
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of a cover (glass, membrane, boards): a permanent load, pascals of the surface's own area. It acts
-    along `direction` (any length) on faces with all corners picked. Over openings, the cover carries it to the ribs."""
+    """The weight of a cover (glass, membrane, boards): a permanent load in pascals per area of the surface itself. It
+    acts along `direction` (any length) on faces with all corners picked. Over openings, the cover carries it to the
+    ribs."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -326,9 +327,8 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
-    """Return the loads in parts: at vertices, or on faces, of which `LoadParts` has three kinds.
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that method does.
-    """
+    """Return the loads as `LoadParts`: forces at vertices, and three kinds of loads on faces.
+    weight : weight of the sheet, N/m2, as for `LoadCase.build`. Raises SurfaceError as that method does."""
     spread: dict[str, Floats] = {part: np.zeros((surface.m, 3)) for part in SPREAD_PARTS}
     point = np.zeros((surface.n, 3))
     for load in loads:
@@ -429,13 +429,13 @@ class LoadCase:
         return self.with_parts(surface, load_parts(surface, loads, weight))
 
     def of_thickness(self, surface: Surface, share: float) -> Self:
-        """Return the load case of a sheet with `share` times the thickness, with its weight."""
+        """Return the load case of a sheet with `share` times the thickness; its self-weight changes, too."""
         if self.parts is None or share == 1:
             return self
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """Return the load case of a sheet with shares (m,) of its faces; loads on missing material vanish."""
+        """Return the load case of a sheet that keeps shares (m,) of its faces; loads on missing material vanish."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -59,7 +59,7 @@ class OutlinedSurface:
 
 
 class EdgeCrossings(NamedTuple):
-    """Crossings of the line: edges (k,), ascending, shares (k,) from 0 at the first end to 1, and places (k, 3)."""
+    """Crossings of edges (k,), ascending, with the line: `share` (k,), 0 to 1 along the edge, and points (k, 3)."""
 
     edge: Ints
     share: Floats
@@ -67,8 +67,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
-    """Return the crossings of the line with edges from its inside to its outside, by bisection.
-    An edge from the line to one side may begin on the opposite side; such an edge crosses the line again."""
+    """Return the points at which the line crosses edges, by bisection. The ends of such an edge are on opposite sides.
+    An edge that starts on the line and first runs on the wrong side also crosses the line."""
     s, depth = outlined.surface, outlined.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -93,8 +93,8 @@ def edge_crossings(outlined: OutlinedSurface, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """Return the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the wrong side, or 0.
-    sign : (k,) side of the opposite end."""
+    """Return the share (k,) of edges, from their end (0 or 1) on the line, that is on the wrong side; or 0.
+    sign : (k,) side of the opposite end, the right side."""
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     shares = np.zeros(len(edges))
     for t in np.arange(1, TEST_POINTS + 1) / (TEST_POINTS + 1):
@@ -267,7 +267,7 @@ def _refine(
 
 
 def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) near the line that are longer than the extent is wide: it could pass between their ends."""
+    """Return the edges (e,) near the line that are longer than the extent is wide, as they could miss it."""
     s = outlined.surface
     depth, size, face_edges = np.abs(outlined.depth(extent)), s.edge_lengths, s.edges.of
     is_near = depth[s.F].min(axis=1) <= size[face_edges].max(axis=1)
@@ -277,7 +277,7 @@ def _coarse_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
 
 
 def _uneven_edges(outlined: OutlinedSurface, extent: Extent) -> Bools:
-    """Return the edges (e,) that the line crosses more than once, and sides of faces with a curved line inside."""
+    """Return the edges (e,) that the line crosses more than once, and the sides of faces with a curved line inside."""
     s, even = outlined.surface, LINE_TOLERANCE * extent.width
     depth, size = outlined.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -327,7 +327,7 @@ def _chords(outlined: OutlinedSurface, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _divide_flat_faces(outlined: OutlinedSurface, extent: Extent) -> OutlinedSurface:
-    """Divide faces with all corners on lines along an inner edge, because depths of 0 at all corners define no side."""
+    """Divide faces with all corners on lines: depths of 0 at all corners do not tell on which side a face is."""
     s, inner = outlined.surface, ~_outline_edges(outlined, extent)
     flat = np.flatnonzero((outlined.on | outlined.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

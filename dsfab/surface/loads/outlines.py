@@ -237,7 +237,7 @@ class Brush:
 
 
 def check_polygon(P: Floats, name: str) -> None:
-    """Raise OutlineError, with this name, for a polygon (k, 2), metres, without area or with crossing sides."""
+    """Raise OutlineError, which calls the polygon `name`, if P (k, 2), metres, has no area or crossing sides."""
     P = without_repeats(P)
     if len(P) < 3:
         raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
@@ -354,7 +354,7 @@ Picker = Annotated[
 
 
 def has_outline(picker: Picker) -> bool:
-    """Return whether a picker stands for a part of space, so that its region has a line as edge."""
+    """Return whether a picker stands for a part of space, so that a line bounds its region."""
     return isinstance(picker, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(
         picker, "boundary", False
     )
@@ -378,7 +378,7 @@ def extent_of(picker: Picker, surface: Surface) -> Extent | None:
 def edges_of(picker: Picker, surface: Surface) -> Bools:
     """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
     A picker of the boundary has free edges only. A part of space, or a direction of normals, has the edges with both
-    ends inside. For an outline, which may be hollow, the middles of edges must also be inside. Named vertices have the
+    ends inside. Outlines may be concave, so the middles of their edges must also be inside. Named vertices have the
     edges that they span (`spanned_edges`)."""
     picked, edges = picker.vertices(surface), surface.edges
     if isinstance(picker, VerticesLeft):

@@ -28,10 +28,10 @@ class RegionError(SurfaceError, ValueError):
 class PatternRegion:
     """A part of the surface with its own treatment.
 
-    at    : its picker. The pickers plan, curve, brush, ball, box and side have a line as edge. For any other picker,
-            the edge is halfway between picked and unpicked vertices.
+    at    : its picker. A line bounds the region of the pickers plan, curve, brush, ball, box and side. For any other
+            picker, the edge is halfway between picked and unpicked vertices.
     do    : keep, the region is solid; void, it is empty; rim, it has a solid band inside its edge.
-    width : of the band, metres along the surface; by default the width in pattern.rim, or an eighth of the region's.
+    width : of the band, metres along the surface; by default the width in pattern.rim, else 1/8 of the region's width.
     name  : text for messages.
 
     Raises RegionError for a width without a band, and for a band without an outline."""

@@ -70,10 +70,10 @@ class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
 
     hold   : fixed directions, along the surface's own axes: by default all, or none if a `spring` is set.
-    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to
-             their areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
-    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about themselves either. Edges across an ear of
-             the mesh (a face with two boundary edges) lie inside and stay free.
+    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to their
+             areas. A stiffness of 0 leaves a direction free (or fixed by `hold`).
+    clamp  : true if the edges of the picker (`edges_of`) cannot rotate about their own line either. An edge across an
+             ear of the mesh (a face with two boundary edges) lies inside the sheet and stays free.
     name   : text for lists of supports; it does not affect results.
 
     Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction."""
@@ -108,7 +108,7 @@ class Support:
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """Return the directions (e, 3) in which the inside of an edge is fixed, at which a finer mesh has vertices."""
+        """Return the fixed directions (e, 3) of edges between their ends, because a finer mesh has vertices there."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:

@@ -38,8 +38,9 @@ class NetFaces:
 @dataclass(frozen=True, eq=False)
 class Net:
     """Mesh during remeshing: vertices V (n, 3), metres, kind (n,), faces, and the vertices on curves, called nodes.
-    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) positions of the nodes on the axis, m.
-    curve : (k,) the curve of each node.     size : (n,) the wanted length of edges, metres."""
+    node  : (k,) the vertices along each curve, curve after curve.    curve : (k,) the curve of each node.
+    at    : (k,) positions of nodes on the axis of `FeatureCurves`, metres.    size : (n,) wanted edge length, metres.
+    """
 
     V: Floats
     faces: NetFaces
@@ -115,9 +116,9 @@ class Net:
 
 
 def independent(touched: Ints, cost: Floats, n: int, edges: Ints | None = None) -> Bools:
-    """Return the candidates (c,) of less cost than all candidates near them, so that no two results share a vertex.
-    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along
-              a strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
+    """Return the candidates (c,) that cost less than all candidates near them, so that no two results share a vertex.
+    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels: exact costs that rise along a
+              strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
     edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbouring vertices either."""
     if not len(cost):
         return np.zeros(0, dtype=bool)
@@ -143,9 +144,9 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """Return the long edges (e,) that have at least 70 % of the longest edge of their faces. In a needle-shaped face
-    (twofold area over longest edge squared below 0.35; at best 0.87) only the longest edge counts, because halving both
-    long edges would leave further needles."""
+    """Return the long edges (e,) with at least 70 % of the length of their faces' longest edge. In a needle-shaped face
+    (2 area / longest edge^2 below 0.35; 0.87 if equilateral) only the longest edge counts, because halving both long
+    edges would leave further needles."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     marked_length = np.where(long, length, -1.0)[edge]
@@ -157,7 +158,7 @@ def _leading(net: Net, long: Bools, length: Floats) -> Bools:
 
 
 def _halve_edges(net: Net, curves: FeatureCurves, halves: Bools, split_positions: Floats) -> Net:
-    """Halve marked edges (e,); edges along curves at positions (l,) of the axis, or at the middle if nan."""
+    """Divide marked edges (e,): edges along curves at positions (l,) on the axis, others (or at nan) in the middle."""
     V, F, _ = halved_edges(net.V, net.F, net.edges, halves)
     added = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -199,7 +200,7 @@ class _Collapses:
 
 
 def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
-    """Collapse the short edges of the net in batches; the tolerance is a share of `edge`, metres."""
+    """Collapse the short edges of the net in batches. The tolerance for curves is a share of `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -232,7 +233,7 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 def _keeps_curves(net: Net, curves: FeatureCurves, target: Ints, gone: Ints, edge: float) -> Bools:
     """Return which vertices (c,) on a curve may merge with a neighbour on the curve.
-    The longer edge must stay near the curve, must not be too long and must not exist yet."""
+    The resulting longer edge must stay near the curve, must not be too long and must not exist yet."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -301,7 +302,7 @@ LEAST_ANGLE = np.radians(25)  # A flip must not reduce the least angle below thi
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """Flip edges of the net, except along curves, in at most this number of rounds."""
+    """Flip edges off the curves, in up to `rounds` rounds: to even out valences, or to meet the Delaunay condition."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -335,7 +336,7 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """Return the excess (q,) over half a turn of the sum of the two angles opposite each edge, radians.
+    """Return the sum of the two angles opposite each edge minus pi, (q,), radians.
     angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges."""
     first_angle, second_angle = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(first_angle + second_angle - np.pi - 1e-6)
@@ -346,7 +347,7 @@ def _face_angles(V: Floats, F: Ints) -> Floats:
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """Return edges (q,) whose new faces turn by at most 37 degrees and have no smaller angles below `LEAST_ANGLE`."""
+    """Return which edges (q,) may flip: faces turn up to 37 degrees; least angles grow or exceed `LEAST_ANGLE`."""
     a, b, c, d = quad.T
     old_faces, new_faces = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old_faces[0], axis=1)) + area_vectors(V, np.stack(old_faces[1], axis=1))
@@ -371,10 +372,10 @@ def angles_at(V: Floats, apex: Ints, first_end: Ints, second_end: Ints) -> Float
 
 
 def with_ears_flipped(surface: Surface) -> Surface:
-    """Return the surface with flipped edges behind ears, so that each ear shares its tip with the face behind.
+    """Return the surface with the inner edge of each ear flipped, so that the new edge starts at the ear's tip.
     An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
-    border. Meshes of a disc have ears at corners of a grid on the border. An ear spans two chords of the border, which
-    seems like a crease, although the shape has none."""
+    border. Meshes of a disc have ears at corners of a grid on the border. An ear spans two chords of the border, so it
+    looks like a crease, although the shape has none."""
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2

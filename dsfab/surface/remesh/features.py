@@ -11,14 +11,14 @@ from dsfab.surface.edge_changes import CREASE, border_edges, sharp_edges
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from those of the input, as a share of the edge.
+TOLERANCE = 1 / 50  # Largest distance of new boundaries and creases from the old ones, as a share of the edge length.
 CORNER = 30.0  # Degrees. A vertex is a corner if a curve turns there by at least this angle.
 DULL = 0.6 * CREASE  # Degrees between the mean normals on both sides of a crease; below this, the crease is noise.
 FINE = 1 / 80  # A mesh with longer edges, as a share of its box's diagonal, is a design, not a scan.
 
 
 class SmoothVertices(NamedTuple):
-    """Vertices (k,) with exactly two edges, the edges (k, 2), their turn (k,), radians, and the shorter length (k,)."""
+    """Vertices (k,) of two edges, the edges (k, 2), the turn (k,), radians, and the shorter edge's length (k,)."""
 
     vertex: Ints
     edges: Ints
@@ -42,8 +42,8 @@ def vertices_of_two_edges(V: Floats, ends: Ints) -> SmoothVertices:
 
 def design_features(surface: Surface, edge: float) -> Bools:
     """Return the boundaries, seams and creases (e,), without short, slight creases from slivers or noise.
-    Normals are averaged over the new `edge`, metres, or over twice the mean edge of a scan, the width of its noise.
-    Slight creases shorter than twice that length go; a longer crease is a small step of the design."""
+    Normals on both sides of a crease are averaged over the new `edge`, metres. In a scan, twice its mean edge counts,
+    the width of noise. Only slight creases below twice this length go, because a longer one is a step of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
@@ -83,7 +83,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface: curves between corners, one after another on an axis of length.
+    """The boundaries and creases of a surface: curves between corners, one after another on an axis of arc length.
     points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their positions on the axis, metres.
     curve  : (p,) the curve of each point.   vertex : (p,) the vertex of the surface at each point.
     fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box."""
@@ -101,14 +101,14 @@ class FeatureCurves:
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def points_between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """Return the intervals (j,) and the points (j,) inside them, for intervals (k,) of the axis."""
+        """Return pairs of an interval (j,) and a point (j,) inside it, for intervals (k,) of the axis."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
         return which, np.arange(len(which)) - (np.cumsum(count) - count)[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """Return the distance (k,) of the curves from chords start to end (k,), metres, and its position (k,)."""
+        """Return the largest distance (k,) of curves from chords start to end (k,), metres, and its position (k,)."""
         which, point = self.points_between(start, end)
         distance = distances_from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
