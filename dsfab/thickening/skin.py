@@ -18,7 +18,7 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding moves vertices near V (n, 3) by less than 1e-3 of half the thickness |D| (n, 3)."""
+    """Return True if rounding moves coordinates as large as V (n, 3) by less than 1e-3 of the median |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
@@ -30,7 +30,7 @@ def rounding_step(V: Floats, D: Floats) -> float:
 
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
-    """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
+    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3); it stays closed and oriented.
     tolerance : limit for each collapse in the unit of V; all collapses together may move points 1.5 to 3 times as far.
     Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d

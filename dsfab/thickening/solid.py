@@ -253,12 +253,12 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 
 def check_solid(solid: Solid) -> None:
-    """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
-    manifold3d turns a bad mesh empty without an error, so the check reads its status. It does not test intersections.
+    """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
+    manifold3d makes a bad mesh empty without an error, so the check reads its status. It does not test intersections.
     """
     import manifold3d
 
-    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # read-only arrays fail
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # not read-only
     judged = manifold3d.Manifold(mesh)
     status = judged.status()
     if status != manifold3d.Error.NoError:

@@ -164,7 +164,7 @@ WORST_FIRST = (
     "coarse",
     "not run",
     "ok",
-)  # The summary shows the worst verdict of a test; this is the order.
+)  # Verdicts, the worst first; the summary shows the worst verdict of each test.
 PAIR = str(elements_of("displacement"))  # This pair of elements has targets and is compared with published values.
 
 STYLE = """
