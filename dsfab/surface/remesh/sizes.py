@@ -73,8 +73,7 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return sums (n, k) of edge values (e, k) around vertices and their neighbours, over the areas of these
-    vertices."""
+    """Return sums (n, k) of edge values (e, k) around each vertex and its neighbours, over the area there."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)

@@ -281,7 +281,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The zero set of a field as a chart; its coordinates are the points themselves. The border lies at z = floor."""
+    """The zero set of a field as a chart, with the points as coordinates; the border lies at z = floor."""
 
     field: Field
     reach: float
