@@ -57,8 +57,7 @@ CHUNK = 1 << 13
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) whose smallest cosine to the faces at a vertex is at least 95 % of the largest
-    possible.
+    """Return unit normals (n, 3) whose smallest cosine to the faces at a vertex is at least 95 % of the best possible.
 
     The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
     1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine. The
@@ -68,7 +67,7 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # few on a fine mesh
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners of normals that can improve
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -246,8 +245,7 @@ def safe_shares(
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their lower limits (m, 3).
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to Bernstein polynomial k of s
-    and corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean
-    |d|.
+    and corner v. If all are positive, the prism does not fold over. Their unit is twice the area times the mean |d|.
     P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]

@@ -69,7 +69,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return a mask of the pairs of corners i, j that a plane between them surely separates: nearly all pairs."""
+    """Return a mask of the pairs of corners i, j that a plane surely separates. This decides nearly all pairs."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))

@@ -258,7 +258,7 @@ def check_solid(solid: Solid) -> None:
     """
     import manifold3d
 
-    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # not read-only
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies
     judged = manifold3d.Manifold(mesh)
     status = judged.status()
     if status != manifold3d.Error.NoError:

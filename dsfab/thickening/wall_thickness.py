@@ -43,7 +43,7 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,), or -1, that lines along unit vectors (k, 3) hit; starts (k, 3) move inwards."""
+        """Return the first face (k,), or -1, that lines from points (k, 3) along unit vectors (k, 3) hit."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 

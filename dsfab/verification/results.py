@@ -119,7 +119,7 @@ def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None at round-off."""
+    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None if rounding dominates."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -325,7 +325,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Return a comparison with each published value, for the tests in `rows` with the pair for displacements."""
+    """Return the comparison of each published value with the results in `rows` of the elements for displacements."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]

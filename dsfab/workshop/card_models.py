@@ -264,7 +264,8 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel. If one end has a foot, the tab at the other end becomes shorter if necessary."""
+        """Return both ends of a panel. If one end has a foot, the tab at the other end becomes shorter, so that the
+        panel between foot and tab stays in one piece."""
         least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least

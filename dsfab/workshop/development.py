@@ -116,8 +116,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths between the curls at a member's ends; the division of a sharp turn can leave such
-    curls."""
+    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp turn was divided."""
     axis = member.axis
     assert axis is not None
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
@@ -135,7 +134,7 @@ def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floa
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths to both sides
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths, in stations
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)

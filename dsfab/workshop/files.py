@@ -131,7 +131,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part, by name: the price of its sheet, divided by area; empty without prices."""
+    """Return the cost of each part, by name: its share, by area, of the price of its sheet; empty without prices."""
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]

@@ -118,7 +118,9 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` at which lines `sides` (q,) off the axis have a height, or None."""
+        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m), or
+        None.
+        sides : (q,) distances of these lines to the left of the axis (m)."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)

@@ -144,7 +144,8 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces that divide a length, for stock with `room` (m). PatternError for long joints."""
+        """Return the number of pieces into which a length is cut, for stock with `room` (m).
+        Raises PatternError if the joints are too long."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:

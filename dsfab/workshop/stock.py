@@ -85,7 +85,8 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip with its width multiplied by `share`; middle line and holes do not change. Other parts stay."""
+    """Return a strip with its width multiplied by `share`; its middle line and its holes do not change.
+    A part that is no strip does not change at all."""
     if not _is_strip(part):
         return part
     outline = part.outline

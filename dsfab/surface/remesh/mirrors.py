@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the one of three `axes` (3, 3) about which the area's inertia is rotationally symmetric, or None."""
+    """Return the axis, out of `axes` (3, 3), about which the area's inertia is rotationally symmetric; else None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -51,7 +51,8 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of planes through an axis that mirror the first direction onto plus or minus one of 24 (k, 3)."""
+    """Yield normals of planes through an axis. Each plane mirrors the first of the directions (k, 3) onto one of
+    the first 24, or onto its opposite."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -59,7 +60,8 @@ def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
 
 
 def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
-    """Return the group (g, 3, 3) that matrices generate, identity first; OverflowError beyond `largest` elements."""
+    """Return the group (g, 3, 3) that the generators (3, 3) generate, the identity first.
+    Raises OverflowError if it has more than `largest` elements."""
     elements = np.empty((largest + 1 + len(generators), 3, 3))
     elements[0], count, walked = np.eye(3), 1, 0
     while walked < count:
@@ -74,9 +76,11 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance of a surface from its mirror image, over the edge; files are rounded.
+IMAGE_TOLERANCE = 1 / 20
+"""Largest distance between a surface and its mirror image, over the edge length. Coordinates in files are rounded."""
 ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with mirrors at these angles to the first is round; two then suffice.
-MOST_SIDES = 16  # Largest number of mirrored sectors around an axis, 22.5 degrees each; beyond it, two mirrors do.
+MOST_SIDES = 16
+"""Largest number of mirrored sectors around an axis, 22.5 degrees each. If there are more, dsfab uses two mirrors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,7 +222,8 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # Largest distance of a vertex on a mirror plane, and of two images that are one, over the edge.
+PLANE_TOLERANCE = 1e-3
+"""Distance, over the edge length, up to which a vertex lies on a mirror plane, and two images are one vertex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +237,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part that contains a weighted sum of the vertices; a rotated surface gets the same part."""
+        """Return the part on the side of a weighted sum of all vertices. This choice rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -260,8 +265,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the vertex of V (n,) for
-        each of its vertices. None if the topology or the length of the boundary would change."""
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the row in V (n,) of the
+        original of each vertex. None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

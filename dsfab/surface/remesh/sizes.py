@@ -73,7 +73,8 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Return sums (n, k) of edge values (e, k) around each vertex and its neighbours, over the area there."""
+    """Return, for each vertex, the sum (n, k) of edge values (e, k) around it and its neighbours, divided by the
+    area of these vertices."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -102,7 +103,8 @@ CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, 
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded edge lengths, m: at most `base`, less at bends (`chords`) and narrow places."""
+    """Return the net with graded edge lengths, metres.
+    They are at most `base` (n,), or a number, and less at bends of curves (`chords` (p,)) and in narrow places."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge

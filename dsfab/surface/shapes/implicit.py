@@ -22,7 +22,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5  # Remeshing divides longer and collapses shorter edges, over the wanted length.
+LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
 ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Two faces form a fold if the cosine between their normals is lower, at angles over 120 degrees.
@@ -36,7 +36,8 @@ class MeshChart(Protocol):
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the coordinates (n, k) of points moved by about `step` (n, 3), metres; `border` points stay on it."""
+        """Return the coordinates (n, k) of points moved by about `step` (n, 3), metres.
+        border : (n,) marks of points on the border, which stay on the border."""
         ...
 
 
@@ -188,7 +189,7 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Correction of the edge length, because remeshing gives a longer mean edge.
+EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long on average.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -293,8 +294,8 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3), moved to the zero set by two Newton steps with one gradient; border points keep z
-        = floor."""
+        """Return X + step (n, 3), moved to the zero set by two Newton steps along one gradient.
+        border : (n,) marks of points on the border, which keep z = floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:

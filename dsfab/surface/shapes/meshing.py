@@ -72,7 +72,7 @@ def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> 
 
 
 def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
-    """Return vertices (n, 2) on the unit square and faces, between staggered lines of `columns` edges.
+    """Return vertices (n, 2) on the unit square, and faces in `rows` rows between staggered lines of vertices.
 
     x---x---x      even lines: columns + 1 vertices
     |\\ / \\ / \\ |     odd lines: one vertex more, half edges at both ends

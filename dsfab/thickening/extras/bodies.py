@@ -1,4 +1,4 @@
-"""Bodies for extras: boxes, rods, their unions; also the base surface of all extras."""
+"""Bodies for extras: boxes, rods, their unions; also the surface and the sheet to which extras refer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

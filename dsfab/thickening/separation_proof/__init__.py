@@ -46,7 +46,8 @@ class Boxes:
     """Boxes of the faces of a surface.
     of   : (m,) number of the box of each face.    place : (k, 3) place of each box in the grid.
     grid : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
-    key  : (k,) place of each box in the flattened grid."""
+    key  : (k,) place of each box in the flattened grid.    middle, axis : (k, 3) middle and mean normal of its faces.
+    radius : (k,) radius of a cylinder along the axis that contains all prisms of the box (m)."""
 
     of: Ints
     place: Ints

@@ -223,8 +223,8 @@ class BarLattice:
         return float(np.mod(np.arctan2(direction @ np.cross(n, x), direction @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
-        """Return the lattice with legs at supports, and names of nodes without a leg: too flat, or a bar is in the
-        way."""
+        """Return the lattice with legs at supports, and names of nodes without a leg.
+        A node has no leg if the surface is too flat, or if a bar is in the way."""
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
         nodes = [self.joints[k].node for k in joined]
         points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
@@ -253,7 +253,7 @@ class _BayEnds:
     opposite: Ints
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
-        """Return angles (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3)."""
+        """Return the dip (2 b,) of directions (2 b, 3), their angle below the planes of nodes with normals N (n, 3)."""
         sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
         return np.asarray(-np.arcsin(sines))
 

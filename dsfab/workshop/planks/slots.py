@@ -83,7 +83,8 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return the beginning and end of the slot at height `edge` over the axis, along the plank from its middle."""
+        """Return the beginning and end of the slot at the height `edge` over the axis (m).
+        Both are distances along the plank from the middle of the slot (m)."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
@@ -134,7 +135,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks by steps u, v: P + u T + w n = Q + v U for tangents T, U and a normal n."""
+    """Return the crossing of two planks, by Newton steps u, v along the tangents T, U: P + u T + w n = Q + v U."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
