@@ -24,7 +24,7 @@ def is_fine(V: Floats, D: Floats) -> bool:
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return the largest move (m) of skins V + 2 D, both (n, 3), by `round_to_single`: half a step per coordinate."""
+    """Return an upper bound (m) for the moves of vertices V + 2 D, both (n, 3), by `round_to_single`."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 

@@ -60,7 +60,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row of the pair of faces (k,) with the least `size` whose facets have no common point, or None."""
+        """Return the row of the least `size` (k,) for which the facets of both faces have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

@@ -26,7 +26,7 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
 class Layering:
     """Layers of a thickness (m), counted downwards from the top, to which normals point; bolts of a diameter (m).
 
-    major  ═══════════════     0      of two layers; with four layers both families alternate
+    major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips

@@ -89,7 +89,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible, from the projection along the mean normal; pure bending keeps all lengths."""
+        """Flatten as rigidly as possible, from a projection along the mean normal at first; pure bending keeps lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -118,7 +118,7 @@ class FlattenedMesh:
         return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
     def flat_point(self, point: Floats) -> Floats:
-        """Return the place (2,) in the plane of the mesh's point nearest to a point (3,)."""
+        """Return the flattened place (2,) of the point of the mesh that is nearest to a point (3,)."""
         projection = nearest_places(point[None], self.V, self.F)
         face = self.F[projection.simplex]
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])

@@ -17,7 +17,7 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 class PartShape:
     """Turned part: lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
     low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge.    thick : largest height between both edges."""
+    total : sum of the lower edge's values.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
