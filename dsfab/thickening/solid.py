@@ -204,8 +204,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
     surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or be one-sided
               (a Moebius strip, whose two skins are one).
-    D       : (n, 3) half-thickness vectors, metres, from `offsets`, interpolated by the slicer without normalisation. If
-              faces disagree about their side, each vector is on the side of the first face around its vertex.
+    D       : (n, 3) half-thickness vectors, metres, from `offsets`, interpolated by the slicer without normalisation.
+              If faces disagree about their side, each vector is on the side of the first face around its vertex.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 

@@ -89,7 +89,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible, from a projection along the mean normal at first; pure bending keeps lengths."""
+        """Flatten as rigidly as possible, from a first projection along the mean normal; pure bending keeps lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
