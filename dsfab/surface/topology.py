@@ -8,7 +8,7 @@ from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Ints, complement, first_few
 
-LONGEST_WALK = 100  # Largest number of steps around a vertex, because each step visits all unfinished walks.
+LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex; each step takes time for all walks.
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,7 +123,7 @@ def link_components(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), in descending number of vertices.
+    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), the chain with most vertices first.
     The surface lies left of each chain. At a pinch the chain stays with its fan of faces, so that two sheets that touch
     in a vertex keep two loops. On a mesh without orientation, loops may have the opposite direction. On a mesh that is
     not manifold, chains may be open; check `manifold_faults` first."""
@@ -149,7 +149,7 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """Return the links (b,) of closed chains to reverse, so that each link begins at the end of the previous link."""
+    """Return a mask (b,) of the chain links to reverse, so that each link begins at the end of the previous link."""
     link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
@@ -221,7 +221,7 @@ def _walks_meet_all_corners(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """Return the edges (k,) that both of their faces in F (m, 3) pass in the same direction."""
+    """Return the edges (k,) with two faces in F (m, 3) that run along the edge in the same direction."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     clashes = np.flatnonzero(a[h0] == a[h1])
@@ -239,7 +239,7 @@ def duplicate_faces(F: Ints) -> Ints:
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
-    """Return the faces (m,) to flip so that neighbours agree, the smaller part of each piece; None if it is impossible.
+    """Return a mask (m,) of the faces to flip for a common orientation, the fewest of each piece; None if impossible.
     Method: two copies of the mesh, one of them flipped, are joined along all edges at which they agree (orientation
     double cover). A piece is orientable exactly if its two copies stay separate."""
     m = len(F)
@@ -283,7 +283,7 @@ def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
 
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
-    """Return a matrix (n, n) with ones between the ends of edges."""
+    """Return a sparse matrix (n, n) with a one for each two vertices that an edge joins."""
     i, j = _directed_edges(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
@@ -309,8 +309,8 @@ def faces_at(F: Ints, marks: Bools) -> Bools:
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """Return the edges (e, ...) with both ends marked (n, ...), without most inner edges between boundary vertices.
-    Such an inner edge counts only if a face beside it has three marked corners and fewer than two boundary edges."""
+    """Return a mask (e, ...) of the edges with both ends marked (n, ...). An inner edge between two boundary
+    vertices counts only if a face beside it has three marked corners and at most one boundary edge."""
     is_spanned = marks[edges.ends].all(axis=1)
     chord = on_boundary(edges, len(marks))[edges.ends].all(axis=1) & ~edges.boundary
     beside_marked_face = np.zeros_like(is_spanned)
@@ -321,7 +321,7 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_neighbours(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """Return vertices (p,) and neighbours (p,): the mean of its neighbours is a vertex's new place.
+    """Return pairs of a vertex (p,) and a neighbour (p,); smoothing moves a vertex to the mean of its neighbours.
     A vertex on the boundary has neighbours along the boundary only."""
     i, j = _directed_edges(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]

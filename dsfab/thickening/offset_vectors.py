@@ -24,7 +24,7 @@ def check_edges(surface: Surface) -> None:
 
 
 def check_oriented(surface: Surface) -> None:
-    """Raise SolidError like `check_edges`, and for neighbouring faces that needlessly point to opposite sides."""
+    """Raise SolidError as `check_edges` does, and if adjacent faces of an orientable piece point to opposite sides."""
     check_edges(surface)
     edges = surface.edges
     against = misoriented_edges(surface.F, edges)
@@ -57,18 +57,17 @@ CHUNK = 1 << 13
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
-    """Return unit normals (n, 3) whose smallest cosine to the faces at each vertex is within 5 % of the largest
-    possible.
+    """Return unit normals (n, 3) whose smallest cosine to the faces at a vertex is at least 95 % of the best possible.
 
     The best normal is the direction of the point nearest to the origin in the convex hull of the face normals [Gilbert
-    1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine.
-    The search starts from the mean weighted by the corner angles (m, 3). If none sees all faces, it returns this mean.
+    1966: step towards the worst face]. The length of any point of the hull is an upper bound of the best cosine. The
+    search starts from the mean weighted by the corner angles (m, 3). If no normal sees all faces, it returns this mean.
 
     faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex."""
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # few corners of a fine mesh
+    tight = np.flatnonzero(_may_improve(surface, point, faces)[vertex])  # corners of normals that can improve
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
     for _ in range(200 if len(tight) else 0):
@@ -95,7 +94,7 @@ def _may_improve(surface: Surface, point: Floats, faces: Floats) -> Bools:
 
 
 def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
-    """Return 1 / mean cosine (n,) between each normal N and the faces around it, up to `limit`."""
+    """Return mitre factors (n,): 1 / mean cosine between the normal N of a vertex and its faces, at most `limit`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     return 1 / np.clip(_corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0], 1 / limit, 1)
 
@@ -131,7 +130,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _unit_normals(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Return unit normals from the points; from the mean, or any face's normal, if a point sees a face from behind."""
+    """Return `point` (n, 3) as unit normals; the mean, or any face's normal, if a point sees a face from behind."""
     N = np.where(_sees_all(surface, point, faces)[:, None], point, mean)
     lost = lengths(N) < 1e-6
     if lost.any():
@@ -191,8 +190,8 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
 
     thickness : of the whole sheet, one number or (n,) at each vertex.
     side      : "mid" for a sheet around the surface, "out" for one on the side of the normals, "in" for the other side.
-    Raises SolidError for a thickness that is not positive, for surfaces that are not manifolds or lack a possible
-    orientation, and for `side` on a one-sided surface."""
+    Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or are wrongly oriented,
+    and for `side` on a one-sided surface."""
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
     if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
@@ -221,10 +220,10 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
 def safe_shares(
     surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
 ) -> Floats:
-    """Return shares (n,) of D (n, 3) with which every prism over a face has a clearly positive Jacobian.
-    If the offset vector at a corner is nearly parallel to the face, its limit is lower: shrinking does not help.
+    """Return factors (n,), at most 1, on D (n, 3) for which every prism over a face has a clearly positive Jacobian.
+    The limit of the Jacobian is lower at a corner with an offset nearly parallel to the face: shrinking does not help.
     sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
-    smallest : least share, because an exact test follows."""
+    smallest : least factor; an exact test of intersections follows later."""
     share = np.ones(surface.n)
     faces = np.arange(surface.m)
     while len(faces):
@@ -244,10 +243,9 @@ def safe_shares(
 
 
 def prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and lower limits (m, 3) at
-    corners.
-    The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
-    corner v. If all are positive, the prism does not fold over. They are divided by twice the area and the mean |d|.
+    """Return coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and their lower limits (m, 3).
+    The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to Bernstein polynomial k of s
+    and corner v. If all are positive, the prism does not fold over. Their unit is twice the area times the mean |d|.
     P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side of the faces' normals."""
     e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
     d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]

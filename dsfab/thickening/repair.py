@@ -50,9 +50,9 @@ def flatten_contacts(
     surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints
 ) -> tuple[Floats, Floats, Ints]:
     """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
-    Faces that meet become thinner, to a film if necessary. An offset nearly parallel to a face around its vertex cannot
-    become better by shortening: then vertex and offset move half of the way to the mean of the neighbours. The result
-    is the best state of all rounds."""
+    The sheet becomes thinner at faces that meet, down to a film if necessary. Shortening does not help an offset that
+    is nearly parallel to a face: this offset and its vertex move half of the way to the mean of the neighbours. The
+    result is the best state of all rounds."""
     V, faces, averages = surface.V, skin.faces(backslash), _averages(surface)
     least = 0.002 * np.linalg.norm(D, axis=1)  # single precision has visible errors at half of this length
     result = V, D, pairs
@@ -105,7 +105,7 @@ def _averages(surface: Surface) -> csr_array:
 
 @dataclass(frozen=True, eq=False)
 class RepairedSkin:
-    """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
+    """A skin after repair: offsets D (n, 3), metres, wall diagonals (r,), and pairs (k, 2) of faces that intersect.
     found   : number of pairs before the repair.
     crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
     union   : replaces the skin if the sheet crosses itself; `pairs` then refers to the union.

@@ -31,7 +31,7 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """Return `intersecting_pairs` of V (n, 3) and F (m, 3) after vertices `moved` (n,), from the earlier pairs (k, 2).
+    """Return the `intersecting_pairs` after vertices `moved` (n,) moved to V (n, 3); `before` (k, 2) are the old pairs.
     The test covers only faces around moved vertices, and faces near these."""
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
@@ -69,7 +69,7 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _surely_separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Return True if the plane halfway between two corners surely separates them: this decides nearly all pairs."""
+    """Return a mask of the pairs of corners i, j that a plane surely separates. This decides nearly all pairs."""
     w = middle[i] - middle[j]
     least = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     largest = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))

@@ -18,19 +18,19 @@ def round_to_single(V: Floats) -> Floats:
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Return True if rounding moves vertices near V (n, 3) by less than 1e-3 of half the thickness |D| (n, 3)."""
+    """Return True if rounding moves coordinates as large as V (n, 3) by less than 1e-3 of the median |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
     return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Return the largest move (m) of skins V + 2 D, both (n, 3), by `round_to_single`: half a step per coordinate."""
+    """Return an upper bound (m) for the moves of vertices V + 2 D, both (n, 3), by `round_to_single`."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
 def coarsen_mesh(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
-    """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
+    """Collapse short edges and merge coplanar faces of a closed mesh V (n, 3), F (m, 3); it stays closed and oriented.
     tolerance : limit for each collapse in the unit of V; all collapses together may move points 1.5 to 3 times as far.
     Raises SolidError if manifold3d rejects the mesh, or if all of it collapses."""
     import manifold3d

@@ -204,8 +204,8 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
     surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or be one-sided
               (a Moebius strip, whose two skins are one).
-    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer, not normalised again. If faces
-              disagree about their side, each vector is on the side of the first face around its vertex.
+    D       : (n, 3) half-thickness vectors, metres, from `offsets`, interpolated by the slicer without normalisation.
+              If faces disagree about their side, each vector is on the side of the first face around its vertex.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
     proven  : (m,) faces whose prisms certainly meet no other prism (see `proven_cells`); they are not tested again.
 
@@ -253,12 +253,12 @@ def _vertices(skin: Skin, repair: RepairedSkin, F: Ints, among: Bools | None) ->
 
 
 def check_solid(solid: Solid) -> None:
-    """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
-    manifold3d turns a bad mesh empty without an error, so the check reads its status. It does not test intersections.
+    """Raise SolidError unless manifold3d accepts the solid as a closed manifold and finds the same positive volume.
+    manifold3d makes a bad mesh empty without an error, so the check reads its status. It does not test intersections.
     """
     import manifold3d
 
-    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # read-only arrays fail
+    mesh = manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64))  # writable copies
     judged = manifold3d.Manifold(mesh)
     status = judged.status()
     if status != manifold3d.Error.NoError:

@@ -21,8 +21,8 @@ INWARD = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part of the sheet: its faces (m,) with adjacent faces of its neighbours, the sheet's vertices (n, 3), and the
-    share of the offset at each vertex (n,)."""
+    """A part of the sheet: a mask (m,) of its faces and adjacent faces of other parts, the sheet's vertices (n, 3),
+    some of them moved, and the factors (n,) on the offsets."""
 
     faces: Bools
     V: Floats
@@ -30,10 +30,10 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """Return the parts of each colour (m,); lower colours extend into higher colours, unless they would meet.
-    clashes : (k, 2) pairs of faces of the sheet whose prisms meet.
-    Near a seam, parts are thinner by 1 % at the next vertices and 2 % on the seam, half as much more for each
-    colour."""
+    """Return one part for each colour of the faces (m,); a part extends over adjacent faces of higher colours.
+    clashes : (k, 2) pairs of faces of the sheet whose prisms meet; no part contains such a pair.
+    At a seam with a lower colour, parts of colour c are thinner: by 2 % (1 + c / 2) on it, by half of this beside it.
+    """
     neighbours = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
     own_vertices = [corners_of(surface.F, colour == c, surface.n) for c in range(count)]
@@ -59,7 +59,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own_vertices: Bools, clashes: Ints) -> Bools:
-    """Return the faces (m,) of higher colours at vertices of colour c that meet no other face of the part."""
+    """Return a mask (m,) of the faces of higher colours beside colour c whose prisms meet no prism of the part."""
     extension = (colour > c) & own_vertices[surface.F].any(axis=1)
     part = extension | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -80,7 +80,7 @@ def _shrink_ends(surface: Surface, neighbours: csr_array, beyond: Bools, own_ver
 
 
 def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools, share: float) -> Floats:
-    """Return V (n, 3) with marked vertices moved a share of the way to the mean of neighbours in `towards`."""
+    """Return V (n, 3) with vertices `moves` moved by a share of the way to the mean of neighbours in `towards`."""
     count = neighbours @ towards.astype(float)
     rows = np.flatnonzero(moves & (count > 0))
     V = V.copy()
@@ -142,7 +142,7 @@ def prism_union(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> P
 
 def _collapse_short_edges(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
     """Return the union, with short edges collapsed so that the fewest pairs intersect, and these pairs.
-    Where two surfaces cross near a vertex, points on their line are closer together than single precision resolves."""
+    If two surfaces cross near a vertex, points on their intersection can be too close for single precision."""
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     result: tuple[Floats, Ints, Ints] | None = None
     for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
@@ -207,8 +207,8 @@ def _patch_colours(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, True for those at a vertex
-    (k,)."""
+    """A closed mesh V (n, 3), F (m, 3), pairs `found` (k, 2) of sheet faces whose prisms meet, and a mask `around`
+    (k,) of the pairs with a common vertex."""
 
     V: Floats
     F: Ints

@@ -43,7 +43,7 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first_hits(self, start: Floats, direction: Floats) -> Ints:
-        """Return the first face (k,) on lines from points (k, 3), moved inwards, along unit vectors (k, 3), or -1."""
+        """Return the first face (k,), or -1, that lines from points (k, 3) along unit vectors (k, 3) hit."""
         start = (start - self._middle) * self._scale + 1e-9 * LARGE * direction  # the line starts inside the face
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, direction)[0], dtype=np.int64)
 
@@ -60,7 +60,7 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def nearest_separate_pair(self, size: Floats, start_face: Ints, end_face: Ints) -> int | None:
-        """Return the row of the pair of faces (k,) with the least `size` whose facets have no common point, or None."""
+        """Return the row of the least `size` (k,) for which the facets of both faces have no common point, or None."""
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break

@@ -46,7 +46,7 @@ PAIRS = (
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Return the tests whose names begin so; all tests for an empty list. Raises StaticsError for an unknown name."""
+    """Return the tests whose names begin with one of `names`, or all tests. Raises StaticsError for an unknown name."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}

@@ -26,7 +26,7 @@ def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectang
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """Return the sideways offset of mesh lines at stations (k,) from 0 to 6; it makes trapezoids or parallelograms.
+    """Return the offsets (k,), along the beam, of the upper ends of mesh lines at stations (k,) from 0 to 6.
     Lines of trapezoids lean to alternate sides, lines of parallelograms to one side; both end lines stay upright."""
     lines = np.full(7, 0.0 if shape == "rectangles" else 1.0)
     if shape == "trapezoids":
@@ -90,7 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
 [de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
 
-IN_TORSION = 0.9899  # Torsion does this share of the work in the hook as a curved beam; bending and shear do the rest.
+IN_TORSION = 0.9899  # Torsion's share of the strain energy in the hook as a curved beam, beside bending and shear.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "

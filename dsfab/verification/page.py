@@ -34,7 +34,7 @@ INK, FAINT = "#010203", "#040506"  # The page replaces these colours by its own 
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Plot the error in percent over unknowns: a line for each pair and mesh pattern, marks for published values."""
+    """Plot the error (%) over unknowns: lines for pairs of elements and mesh patterns, marks for published values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -164,7 +164,7 @@ WORST_FIRST = (
     "coarse",
     "not run",
     "ok",
-)  # The summary shows the worst verdict of a test; this is the order.
+)  # Verdicts, the worst first; the summary shows the worst verdict of each test.
 PAIR = str(elements_of("displacement"))  # This pair of elements has targets and is compared with published values.
 
 STYLE = """
@@ -193,7 +193,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationR
 
 
 def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
-    """Return the whole page. Equal rows give equal text, because the page contains no time."""
+    """Return the whole page. Equal rows give equal text, because the page contains no date."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
     parts = [_head(tests, rows), _uses(), _summary(tests, rows), _published_counts(against)]

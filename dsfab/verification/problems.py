@@ -187,13 +187,13 @@ class Test:
     problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
     cells     : numbers of cells, coarse to fine.      meshes : mesh patterns.
     within    : tolerance, if it differs from that of the quantity.
-    targets   : largest relative error of the elements for displacements, by number of cells.
+    targets   : largest allowed relative error by number of cells, for dsfab's pair of elements for displacements.
     limit     : value to which thin sheets converge, if it is not `reference`; targets refer to it.
     quantity  : kind of value, which decides the tolerance.
     beyond    : effect, in words, that the reference includes and thin sheets lack; then the value must meet `limit`.
     outside   : (cells, mesh) -> unknowns and value by another program; None if that program is not installed."""
 
-    __test__ = False  # pytest collects classes of this name
+    __test__ = False  # pytest would collect a class with this name
 
     name: str
     reference: float

@@ -18,13 +18,12 @@ class VerificationRow:
 
     unknowns : number of free unknowns.
     ratio    : value over reference; `ratio` and `value` are None if the elements cannot clamp the edges of the test.
-    rate     : observed order of convergence from this mesh and the two coarser ones, without the reference; None on the
-               first two meshes and at round-off. Jittered meshes are not nested, so their rate is rough.
+    rate     : observed order of convergence from this mesh and the two coarser ones, without the reference; None on
+               the first two meshes and at round-off. Jittered meshes are not nested, so their rate is rough.
     verdict  : `ok`: within the tolerance of the test. `coarse`: outside, but the finest mesh is within. `off`:
-               outside, as
-               is the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets (`Test.beyond`).
-               `not run`: the test clamps edges, and hinges have no rotations. `refused`: the solver rejected its own
-               answer, because the sheet is too thin for sixteen digits.
+               outside, and so is the finest mesh. `theory`: the finest mesh is off, but meets the limit of thin sheets
+               (`Test.beyond`). `not run`: the test clamps edges, and hinges have no rotations. `refused`: the solver
+               rejected its own answer, because the sheet is too thin for sixteen digits.
     target   : largest allowed relative error on this mesh, for the pair for displacements; None without a target.
     met      : True if the error is below the target.
     limit    : reference of the target, if it is not `reference`; see `Test.limit`.
@@ -120,7 +119,7 @@ def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """Return log2 of the ratio of two steps, between values on meshes of sizes 1, 1/2 and 1/4; None at round-off."""
+    """Return the order of convergence from values on meshes of sizes 1, 1/2 and 1/4; None if rounding dominates."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -129,7 +128,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Return the largest over the smallest value, minus 1, among the mesh patterns of each (test, elements, cells)."""
+    """Return, for each (test, elements, cells), the largest value of all mesh patterns over the smallest, minus 1."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -175,11 +174,10 @@ class Publication:
 class Published:
     """One published value over the reference of its source.
 
-    cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the source
-               has only a `note`, such as "coarse mesh".
+    cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the
+               source has only a `note`, such as "coarse mesh".
     unknowns : number in the source's mesh, if the test has no equal mesh; then `cells` is that of the next coarser
-               mesh.
-               None: counted on the test's mesh.
+               mesh. None: counted on the test's mesh.
     constant : True if the element's membrane is a triangle of constant strain.
     middles  : True if the element also has nodes in the middle of its sides."""
 
@@ -218,7 +216,7 @@ Ratios = dict[str, tuple[float, ...]]
 SHAPES = ("", "_parallelograms", "_trapezoids")
 
 STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
-    # a tuple holds the ratios on three shapes of cells: first for loads in the plane, then for loads across the plane
+    # two tuples hold the ratios on three shapes of cells: for loads in the plane, and for loads across the plane
     (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
     (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
     (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
@@ -313,13 +311,11 @@ class Standing:
     """One published value beside dsfab's pair of elements for displacements.
 
     unknowns : number in the published mesh; None if the source does not tell it.
-    ours     : relative error of that pair, the largest of its regular patterns, at least that of any finer mesh, so
-               that
-               luck does not count. None if no mesh compares.
+    ours     : relative error of that pair: the largest of its regular patterns, on this mesh or a finer one, so that
+               luck does not count. None without a comparable mesh.
     basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh if that has
-               fewer.
-               `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
-    outcome  : whether our error is better than, like, or worse than the published error."""
+               fewer. `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
+    outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
 
     published: Published
     unknowns: int | None
@@ -329,7 +325,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Return a comparison with each published value, for the tests in `rows` with the pair for displacements."""
+    """Return the comparison of each published value with the results in `rows` of the elements for displacements."""
     compared = []
     for published in PUBLISHED:
         test_rows = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -340,8 +336,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return unknowns and largest error of all patterns, by number of cells; without cells at which a pattern
-    failed."""
+    """Return, by number of cells, unknowns and largest error of all patterns; without cells at which one failed."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]

@@ -20,8 +20,7 @@ from dsfab.verification.problems import (
 
 
 def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
-    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, load 90 per area, diaphragms at both
-    ends."""
+    """Return the whole roof: radius 25, length 50, 80 degrees, 0.25 thick, load 90 per area, diaphragms at its ends."""
     uv, F = square(cells, cells, mesh)
     turn = np.radians(80) * (uv[:, 0] - 0.5)
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
@@ -78,8 +77,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
-    """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, 2 kN outwards and 2 kN inwards at two
-    corners.
+    """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, with 2 kN outwards and 2 kN inwards.
     It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)

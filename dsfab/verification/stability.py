@@ -15,9 +15,9 @@ CLASSICAL = 1 / np.sqrt(
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-In so short a tube the lowest modes are rings, and waves around the tube, within 1 % of the rings. A longer tube
-buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 % too
-high for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991."""
+In so short a tube the lowest modes are rings; modes with waves around the tube have loads within 1 %. A longer
+tube buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 %
+too high for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:

@@ -13,7 +13,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """Return a closed sphere. Six poles cannot move across their axis; the reactions are 0."""
+    """Return a closed sphere. Its poles on the three axes cannot move sideways; these supports have no reactions."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]

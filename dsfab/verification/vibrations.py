@@ -23,8 +23,7 @@ MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV16: 10 m square, 50 mm thick, built in along x = 0, moving only across its plane; the value is in
-    hertz."""
+    """Return FV16: 10 m square, 50 mm thick, built in along x = 0, moving across its plane only; value in hertz."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)
@@ -33,8 +32,7 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, fixed along its high end, moving only in its plane; in
-    hertz."""
+    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end, moving in its plane; in hertz."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)

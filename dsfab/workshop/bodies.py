@@ -22,8 +22,7 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright_course
 class RefoldedStrip:
     """Part of a member, bent back into space, at k stations.
     edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
-    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
-    """
+    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes."""
 
     id: str
     member: str
@@ -36,8 +35,7 @@ class RefoldedStrip:
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
     """Strips or planks of a plan in space, and the deviations (h,) of their joints (m). A deviation is the distance of
-    a hole from the line of its bolt, or the distance between the two slots at a node.
-    """
+    a hole from the line of its bolt, or the distance between the two slots at a node."""
 
     strips: tuple[RefoldedStrip, ...]
     deviations: Floats
@@ -157,9 +155,7 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
     """Return the built members of a plan, in the order of the design's shapes (m).
     shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
     shift  : height of the middle between both skins over the surface, in half thicknesses.
-    Strips, planks and cover plates are bent back from flat parts; plates have the stock's thickness. Bars have no
-    mitres.
-    """
+    Strips, planks and cover plates are bent back from flat parts. Plates have the stock's thickness, bars no mitres."""
     if plan.bars:
         return _bar_shapes(plan.bars, shapes, shift)
     built = {part.member for part in plan.parts}

@@ -111,10 +111,8 @@ THROUGH_ORDER = ("keep", "rim", "major", "minor")
 """Families in order of continuity: where two families cross, the first of them is continuous."""
 ROOT_SHARE, TIP_SHARE = 0.8, 0.6  # widths of a tab at its base and at its tip, over the width of its panel
 TAB_GAP_SHARE = 0.15
-"""Distance from a tab to the middle of the member above, over half the width of this member; the opposite tab has the
-rest
-of the half.
-"""
+"""Distance from a tab to the middle of the member above, over half the width of this member. The tabs of two opposite
+panels do not meet."""
 SHARP_SINE = float(np.sin(np.radians(25.0)))
 """Sine of the least angle at which a member is cut at its neighbour; a sharper member is glued on the neighbour."""
 
@@ -122,9 +120,8 @@ SHARP_SINE = float(np.sin(np.radians(25.0)))
 @dataclass
 class PanelParts:
     """Panels, and counts of their details.
-    sharp   : names of nodes at which members meet too sharply to be cut.
-    covered : bays without room for a panel.    tabs : number of tabs.    feet : with the names of their panels.
-    """
+    sharp   : names of nodes at which the angle between members is too sharp for a cut.    tabs : number of tabs.
+    covered : number of bays that are too short for a panel.    feet : pairs of a panel's name and its foot."""
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -146,7 +143,9 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _CrossingEdge:
-    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it is continuous."""
+    """Member that crosses a course at the node `name`.
+    s : arc length of the crossing.    way : (2,) unit direction of the member.    half : half its width (m).
+    over : whether this member is the continuous one."""
 
     name: str
     s: float
@@ -158,7 +157,7 @@ class _CrossingEdge:
         lock(self, "way", np.float64, (2,))
 
     def stations(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) of lines y (q,) beside the axis, `away` metres beyond the crossing member."""
+        """Return arc lengths (q,) at which lines y (q,) beside the axis are `away` metres from the crossing axis."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -172,8 +171,7 @@ def panel_parts(
 ) -> PanelParts:
     """Return the panels of all strips of a graph at model size.
     letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
-    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet.
-    """
+    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet."""
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
     courses = {member.id: member_course(graph, member, 0.0, 6 * widest) for member in members}
@@ -211,8 +209,7 @@ def _crossing_edge(
 @dataclass(frozen=True)
 class _PanelEnd:
     """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
-    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.    foot : a tab into the base plate.
-    """
+    tab : (q,) arc lengths and (q,) distances to the left; empty without a tab.    foot : a tab into the base plate."""
 
     right: float
     left: float
@@ -267,8 +264,9 @@ class _MemberPanels:
         return _PanelEnd(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _ends_with_foot(self, begin: _PanelEnd, end: _PanelEnd) -> tuple[_PanelEnd, _PanelEnd]:
-        """Return both ends of a panel. The foot of a member on the ground stays connected to the panel's second tab."""
-        least = 0.1 * self.member.mean_width  # length of the panel between its two tabs
+        """Return both ends of a panel. If one end has a foot, the tab at the other end becomes shorter, so that the
+        panel between foot and tab stays in one piece."""
+        least = 0.1 * self.member.mean_width  # least length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least
             if low < end.tab[0][1:3].min():

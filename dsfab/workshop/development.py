@@ -4,8 +4,7 @@ A curve P + h N lies at a height h along the normals N of the axis. Its lengths,
 bending kg_h in the surface are
     ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
 They follow from N' = -kn T - tg B (Darboux frame). With the lengths of the middle surface, strips of two layers would
-miss each other by centimetres on a dome.
-"""
+miss each other by centimetres on a dome."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,7 +17,7 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph
 
 PARALLEL_SHARE = 0.05  # relative change of width up to which edges count as parallel
-OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts hide the width
+OBLIQUE_WIDTHS = 1.5  # length at each end of a member, over its width, in which oblique cuts change the width
 EXTENSION_STATIONS = 16  # number of stations beyond each end of an axis
 
 
@@ -28,8 +27,7 @@ class StripCourse:
     s     : (k,) arc length; on a closed axis, stations go round more than once.
     P, T, N : (k, 3) points, tangents, normals.    kg, kn, tg : (k,) curvatures and torsion.
     left, right : (k,) distances from the axis to the edges of the member (m).
-    begin, end : arc lengths of the built part.    closed : whether both ends are at the same place.
-    """
+    begin, end : arc lengths of the built part.    closed : whether both ends are at the same place."""
 
     s: Floats
     P: Floats
@@ -52,8 +50,7 @@ class StripCourse:
 
     def frame_at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
-        On a narrow ring, chords would be a quarter of a millimetre away from the arcs.
-        """
+        On a narrow ring, chords would be a quarter of a millimetre away from the arcs."""
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -67,7 +64,7 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def repeated_stations(self, s: Floats) -> Floats:
-        """Return arc lengths (q,) of an open course; of a closed course (3q,), also one round before and one after."""
+        """Return the arc lengths s (q,); on a closed course (3 q,), also those one round before and after."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
@@ -76,7 +73,7 @@ class StripCourse:
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped_station(self, s: float) -> float:
-        """Return the arc length of the same place of a closed course that lies between `begin` and `end`."""
+        """Return the arc length of the same place between `begin` and `end`, by whole rounds of a closed course."""
         if not self.closed:
             return s
         length = self.end - self.begin
@@ -85,10 +82,9 @@ class StripCourse:
 
 def member_course(graph: MemberGraph, member: Member, overhang: float, extra_length: float) -> StripCourse:
     """Return the course of a member with an axis.
-    overhang : length beyond the last node, if the member ends closer to the node (m).
+    overhang : least length beyond the first node and beyond the last node (m).
     extra_length : length of stations beyond the built part (m).
-    A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl.
-    """
+    A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl."""
     axis = member.axis
     assert axis is not None
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
@@ -114,13 +110,13 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """Return a mask (k,) of the stations where the axis turns about a point within, or almost within, the width."""
+    """Return a mask (k,) of the stations at which the axis turns about a point that is within the width, or almost."""
     assert member.axis is not None
     return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
-    """Return the arc lengths between which the ends of a member do not curl up, as they do at a divided sharp turn."""
+    """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp turn was divided."""
     axis = member.axis
     assert axis is not None
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
@@ -134,12 +130,11 @@ def uncurled_span(member: Member) -> tuple[float, float]:
 
 def smooth_edge_distances(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
-    Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed.
-    """
+    Edges become parallel to the axis if they deviate from it by noise only; the remaining edges are smoothed."""
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths to both sides
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths, in stations
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -175,7 +170,7 @@ def _course_of_ring(
 
 
 def _extension(axis: MemberAxis, end_index: int, distance: float) -> MemberAxis:
-    """Return ascending stations beyond an end; curvatures are those of the end, by a second-order frame [Darboux]."""
+    """Return ascending stations beyond an end, by a second-order Darboux frame with the curvatures of the end."""
     u = distance * np.arange(1, EXTENSION_STATIONS + 1) / EXTENSION_STATIONS
     u = u[::-1] if distance < 0 else u
     P, T, N, B = axis.P[end_index], axis.T[end_index], axis.N[end_index], axis.B[end_index]
@@ -205,8 +200,7 @@ CHORD_TOLERANCE = 2e-5  # largest distance between an outline's chord and its ar
 @dataclass(frozen=True, eq=False)
 class Development:
     """Plane development of a course at a height h along its normals (m). The development x (k, 2) begins at the origin
-    along +x; k counts the stations of the course.
-    """
+    along +x; k counts the stations of the course."""
 
     course: StripCourse
     height: float
@@ -264,8 +258,7 @@ class Development:
 
     def piercing_point(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
         """Return the point where a layer meets the line through a point (3,) along a unit normal (3,). The result is an
-        arc length of the course close to `s`, and the distance to the left (m).
-        """
+        arc length of the course close to `s`, and the distance to the left (m)."""
         y = 0.0
         for _ in range(4):  # these are Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
@@ -281,7 +274,7 @@ class Development:
         """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
         s = self.stations(begin, end)
         left_edge, right_edge = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.middle_line_at(s)  # serves both edges, because this function is called many times
+        x, angle = self.middle_line_at(s)  # computed once for both edges, because this takes time
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right_edge[:, None] * across, (x + left_edge[:, None] * across)[::-1]])
 

@@ -67,7 +67,7 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """Return the drawing of all sheets of a plan in rows from left to right, each with its number above it."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    pitch = 1.15  # distance from sheet to sheet, over the largest sheet
+    pitch = 1.15  # distance from sheet to sheet, over the size of the largest sheet
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
     high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
@@ -131,9 +131,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """Return the cost of each part by name: the sheet's price, shared by the areas of its parts; empty without
-    prices.
-    """
+    """Return the cost of each part, by name: its share, by area, of the price of its sheet; empty without prices."""
     if not any(s.price for s in plan.sheets):
         return {}
     areas = [sum(x.part.area for x in s.parts) for s in plan.sheets]
@@ -196,11 +194,11 @@ BAR_HEAD = (
 
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
     """Return a row for each bar: its nodes, sizes and angles.
-    files : stems of drawings that several bars share.
+    files : name of the drawing, without suffix, by bar; equal bars share a drawing.
     along : degrees from the first bar of the node, counter-clockwise from outside.
     dip   : degrees below the node plate.
-    twist : degrees from the first to the second node, right-handed.    bow : distance of the member's axis (mm).
-    """
+    twist : degrees from the first to the second node, right-handed.
+    bow   : largest distance of the member's axis from the bar (mm)."""
     nodes, rows = plan.bar_lattice.lattice.nodes, []
     sizes = {part.id: part.size for part in plan.parts}
     for bar in plan.bar_lattice.bars:
@@ -266,8 +264,7 @@ def write_workshop(
     """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
     Files that the cut list of an earlier plan names are removed if this plan does not have them.
     documents : further files by name.
-    Raises ExportError if the folder is not writable.
-    """
+    Raises ExportError if the folder is not writable."""
     with atomic_folder(folder, _outdated_files) as partial:
         nest = nest_drawing(plan, name)
         write_chunks(partial / f"{NEST}.dxf", [flat_dxf(nest)])

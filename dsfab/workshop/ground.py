@@ -2,8 +2,7 @@
 
 layer   ║ ║         shoulders stand on the plate, which is as thick as the card;
       ──╨─╨──       the tab between them goes through a slot of the plate
-     ▒▒▒▒│▒│▒▒▒     plate
-"""
+     ▒▒▒▒│▒│▒▒▒     plate"""
 
 from dataclasses import dataclass, replace
 from itertools import product
@@ -27,8 +26,7 @@ class StripFoot:
     shoulders : (4,) arc lengths on the plate: right edge, right and left side of the tab, left edge.
     sides     : (4,) distances of the shoulders to the left of the axis (m).
     tips      : (2,) arc lengths of the tab's end, right and left.    at_end : whether the foot is at the course's end.
-    slot      : (4, 2) corners of its slot in the plate (m).
-    """
+    slot      : (4, 2) corners of its slot in the plate (m)."""
 
     shoulders: Floats
     sides: Floats
@@ -47,8 +45,7 @@ class StripFoot:
 class BasePlane:
     """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
     supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from a support (m).
-    thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m).
-    """
+    thickness : thickness of the plate (m).    clearance : gap between a tab and its slot, on each side (m)."""
 
     point: Floats
     up: Floats
@@ -112,7 +109,7 @@ class BasePlane:
         if -down @ self.up < STEEP_SINE:
             return None
         left_width, right_width = (float(np.interp(station, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # a tab has 0.6 of it
+        middle, half = (left_width - right_width) / 2, 0.6 * (left_width + right_width) / 2  # of the tab
         sides = np.array([-right_width, middle - half, middle + half, left_width])
         shoulders = self.stations_at_height(layer, sides, station, 0.0)
         tips = self.stations_at_height(layer, sides[1:3], station, -self.thickness)
@@ -121,7 +118,9 @@ class BasePlane:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), at_end)
 
     def stations_at_height(self, layer: Development, sides: Floats, station: float, height: float) -> Floats | None:
-        """Return arc lengths (q,) near `station` at which lines at sides (q,) have a height over the plate, or None."""
+        """Return arc lengths (q,) near `station` at which lines beside the axis have a height over the plate (m), or
+        None.
+        sides : (q,) distances of these lines to the left of the axis (m)."""
         s, course = np.full(len(sides), station), layer.course
         for _ in range(20):  # these are Newton steps
             P, T, B, _ = layer.frame(s)
@@ -156,7 +155,7 @@ class BasePlane:
         for side, rise in ((course.left, slope), (course.right, -slope)):
             falls = rise < -1e-9
             limit = np.where(falls, above / np.where(falls, -rise, 1.0), np.inf)
-            least = 0.2 * (course.left + course.right) - side  # at least a fifth of the width stays
+            least = 0.2 * (course.left + course.right) - side  # a fifth of the width remains
             sides.append(np.where(above + rise * side < 0, np.clip(limit, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
@@ -194,9 +193,8 @@ def base_parts(
 ) -> list[FlatPart]:
     """Return the base plate as a few equal rectangles, each in its place under the model.
     The number of rectangles is the smallest for which each fits into one of `room`.
-    surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
-    room : lengths and widths (m).
-    """
+    surface : surface at model size, with the supports of `ground`.    feet : pairs of a part's name and its foot.
+    room : lengths and widths (m)."""
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan_view(ground.supports), *slots])

@@ -2,8 +2,7 @@ r"""Layers of strips: the height of each family over the surface, and strip ends
 
  \ | /        three strips of one layer are too close at their ends:
 ──┼─┼─┼──     every second strip stops at its last node before the collision
-  | | |
-"""
+  | | |"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -27,13 +26,12 @@ BOLT_PITCH = 4.0  # distance between bolts of a splice, over the bolt diameter
 class Layering:
     """Layers of a thickness (m), counted downwards from the top, to which normals point; bolts of a diameter (m).
 
-    major  ═══════════════     0      of two layers; with four layers both families alternate
+    major  ═══════════════     0      numbers for two layers; with four layers both families alternate
     minor  ─┤ ├─── ┤ ├────     1
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips
     families_below : families of `FAMILIES_BELOW` that have layers; a model has no layer for an absent family.
-    letters : largest heights of part names and of node names (m).
-    """
+    letters : largest heights of part names and of node names (m)."""
 
     thickness: float
     count: int
@@ -49,7 +47,7 @@ class Layering:
 
     @property
     def skips_crowded_names(self) -> bool:
-        """True if node names without room are omitted, as on models."""
+        """True if node names are omitted where they do not fit, as on models."""
         return self.letters[0] < PART_LETTERS
 
     @property

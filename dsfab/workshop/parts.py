@@ -1,8 +1,7 @@
 """Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
 
 A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. The outlines of an
-ordinary font would be engraved twice.
-"""
+ordinary font would be engraved twice."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -61,7 +60,7 @@ PART_LETTERS, NODE_LETTERS = 0.02, 0.008  # largest heights of part names and of
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """Round hole at a middle (2,), with a diameter (m) and the name of its bolt: a node or a splice."""
+    """Round hole: its centre (2,) and diameter (m), and the name of its bolt, which is a node or a splice."""
 
     at: Floats
     diameter: float
@@ -92,8 +91,7 @@ class FlatPart:
     holes   : for bolts.    marks : (k, 2) lines to engrave.    folds : lines to fold.
     layer   : height of the part's middle over the surface (m).    strain : largest strain when the part is built.
     thickness : metres; 0 for the thickness of the plan.
-    axis    : (k, 2) middle line, which is not cut; (0, 2) without a middle line.
-    """
+    axis    : (k, 2) middle line, which is not cut; (0, 2) without a middle line."""
 
     id: str
     member: str
@@ -137,10 +135,8 @@ class FlatPart:
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared. Fold middles
-        are scaled
-        by the angle of the fold, so that a difference of a fifth of a degree is visible.
-        """
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each, by which parts are compared. Fold
+        middles are scaled by the angle of the fold, so that a difference of a fifth of a degree is visible."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -200,7 +196,7 @@ def polygon_area(P: Floats) -> float:
 
 
 def longest_direction(P: Floats) -> Floats:
-    """Return two points (2, 2) on a line along the direction in which points (k, 2) reach farthest."""
+    """Return two points (2, 2) on the principal axis of points (k, 2), the axis along which they spread most."""
     middle = P.mean(axis=0)
     direction = np.linalg.svd(P - middle, full_matrices=False)[2][0]
     direction = direction if direction[np.abs(direction).argmax()] > 0 else -direction

@@ -51,10 +51,9 @@ class ConstructionRoute:
 def construction_route(
     design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP
 ) -> ConstructionRoute:
-    """Return the route of a design by [workshop] of its preset.
+    """Return the route by which a design is built, from section [workshop] of its preset.
     graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
-    Raises PatternError if the design cannot be built by the requested route.
-    """
+    Raises PatternError if the design cannot be built by the requested route."""
     options = design.preset.workshop
     if options.route == "sheet" or graph is None or layering is None:
         return ConstructionRoute("sheet", "" if options.route == "sheet" else "the design is flat")
@@ -200,13 +199,12 @@ class WorkshopPlan:
     route     : "strips", "planks", "bars", "panels" or "sheet".
     thickness : thickness of the stock (m); a part may have a different thickness.
     parts     : all parts.    sheets : nested sheets, each part on one of them.
-    equal_parts : lists of numbers of parts with equal shapes, in the order of the parts.
-    notes     : sentences about possible parts and impossible parts.
+    equal_parts : groups of part numbers; the parts of a group have equal shapes.
+    notes     : sentences for the builder on the route, the parts and the sheets.
     graph     : members and nodes at built size; None for a flat sheet.
     layering  : layers of strips; None for other routes.
     model     : 50 for a model at 1:50; 0 for full size.
-    bars, planks : plans of these routes, which have no layers.
-    """
+    bars, planks : plans of these routes, which have no layers."""
 
     route: str
     thickness: float
@@ -236,12 +234,11 @@ class WorkshopPlan:
 
 
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
-    """Return the plan of a design by [workshop] of its preset.
+    """Return the workshop plan of a design, from section [workshop] of its preset.
     up : (3,) unit vector, for the base plate of a model.
 
     If the stock has prices, the cheapest of several plans wins: with all sizes, and with the shorter sizes alone.
-    Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
-    """
+    Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing."""
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
     all_sizes, *fewer_sizes = stock_choices(design.preset.workshop)

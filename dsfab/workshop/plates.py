@@ -2,8 +2,7 @@
 
 fingers   ──┐  ┌──┐      fingers of two pieces alternate; a bit of a rib that fingers cut off
             └──┘  └──    goes to the neighbouring piece
-scarf     ────╲╲────     both pieces overlap at the joint
-"""
+scarf     ────╲╲────     both pieces overlap at the joint"""
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
@@ -47,8 +46,7 @@ def plate_parts(
 ) -> list[FlatPart]:
     """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
     normals : (n, 3) at the vertices of the graph's sheet.    bolt : diameter of holes (m).
-    missed_nodes : names of nodes without a hole.
-    """
+    missed_nodes : names of nodes without a hole."""
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_flat_plate(graph, member, normals, (height, bolt), missed_nodes) for member in members]
 
@@ -91,7 +89,7 @@ class FlattenedMesh:
 
     @classmethod
     def from_mesh(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """Flatten as rigidly as possible, from the projection along the mean normal; pure bending keeps all lengths."""
+        """Flatten as rigidly as possible, from a first projection along the mean normal; pure bending keeps lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -120,7 +118,7 @@ class FlattenedMesh:
         return sorted(loops, key=lambda loop: -abs(polygon_area(loop)))
 
     def flat_point(self, point: Floats) -> Floats:
-        """Return the place (2,) in the plane of the mesh's point nearest to a point (3,)."""
+        """Return the flattened place (2,) of the point of the mesh that is nearest to a point (3,)."""
         projection = nearest_places(point[None], self.V, self.F)
         face = self.F[projection.simplex]
         return np.asarray((weights_at(projection.place, self.V, face) @ self.U[face[0]])[0])
@@ -146,7 +144,8 @@ class SheetJoint:
         return {"fingers": FINGER_LENGTH, "scarf": SCARF_SLOPE}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces of a length for stock with room (m). Raises PatternError for too long joints."""
+        """Return the number of pieces into which a length is cut, for stock with `room` (m).
+        Raises PatternError if the joints are too long."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:
@@ -159,7 +158,7 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """Pieces of a sheet, and their numbers along and across the sheet."""
+    """Pieces of a sheet, and the numbers of its rectangles along and across the sheet."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
@@ -169,11 +168,8 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     """Cut a flat sheet into as few rectangles as possible; each rectangle fits into one of `room` (m).
 
     Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers, all pieces together
-    are
-    the sheet; with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their joints,
-    are
-    too long for the stock.
-    """
+    are the sheet; with a scarf, pieces overlap at the joints. Raises PatternError if joints, or pieces with their
+    joints, are too long for the stock."""
     x = plane_coordinates(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     reduction = 0.0
@@ -285,7 +281,7 @@ def _connected_to(divided: Surface, selected: Bools, roots: Bools) -> Bools:
 
 
 def _with_bits_reassigned(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return piece numbers (m,); bits under `least` (m2) join the neighbour with the longest common edges."""
+    """Return piece numbers (m,); a separate bit under `least` (m2) joins the piece with the longest common border."""
     face_a, face_b = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     edge_lengths, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()

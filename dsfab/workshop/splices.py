@@ -33,8 +33,7 @@ def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float
     """Return whether the outline (k, 2) of a strip fits into one of the rectangles, along or across.
     A strip that overlaps itself does not fit.
     along : (2,) direction from the beginning of the strip's axis to its end, as in `FlatPart.along_x`. The direction
-            between the middles of its ends gave lengths 0.8 mm too short.
-    """
+            between the middles of its ends gave lengths 0.8 mm too short."""
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
     if np.ptp(turns) > np.pi or polygon_area(outline) <= 0:
@@ -52,9 +51,8 @@ def splice_cuts(
 ) -> Cuts:
     """Return the cuts of a strip between two arc lengths.
     nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
-    fits  : whether a piece between two arc lengths fits on the stock.    name : of the strip, for messages.
-    Raises PatternError if the longest piece that fits is shorter than `clear`.
-    """
+    fits  : function that tells whether a piece between two arc lengths fits on the stock.    name : for messages.
+    Raises PatternError if the longest piece that fits is shorter than `clear`."""
     begin, end = course
     cuts, near_nodes = [begin], 0
     while not fits(cuts[-1], end):

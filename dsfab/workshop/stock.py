@@ -16,7 +16,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(options: Workshop) -> list[Workshop]:
-    """Return the section [workshop], and with prices also variants without long sheets, which only long parts need."""
+    """Return the section [workshop]; with prices, also variants without the longest sheets, which few parts need."""
     lengths = sorted({size[0] for size in options.stock}, reverse=True) if options.prices else []
     choices = [options]
     for longest in lengths[1:]:
@@ -76,10 +76,8 @@ def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
     """Return sentences on narrower strips or larger stock that would need fewer sheets. Large plans have no hints,
-    because
-    each number comes from a trial nest, which takes long.
-    stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`.
-    """
+    because each number comes from a trial nest, which takes long.
+    stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`."""
     if len(parts) * len(sheets) > 20_000:
         return []
     options = _NestOptions(gap, grain)
@@ -87,7 +85,8 @@ def sheet_hints(
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
-    """Return a strip that is narrower about its axis, by a share of its width; holes and other parts do not change."""
+    """Return a strip with its width multiplied by `share`; its middle line and its holes do not change.
+    A part that is no strip does not change at all."""
     if not _is_strip(part):
         return part
     outline = part.outline

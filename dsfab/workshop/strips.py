@@ -40,8 +40,7 @@ class StripParts:
     shortened          : names of members that stop before they run into a member of their layer.
     vanished           : names of members whose length would be less than their width; they are not built.
     missed_nodes       : (node, member) names where a shortened member does not reach its node.
-    feet               : feet of a model on its base plate, with the names of their parts.
-    """
+    feet               : pairs of a part's name and its foot on the base plate of a model."""
 
     pieces: list[FlatPart] = field(default_factory=list)
     covers: list[FlatPart] = field(default_factory=list)
@@ -73,8 +72,7 @@ def strip_parts(
     """Return the parts of all members that are strips.
     room    : lengths and widths (m) that parts may have on the stock.
     splice  : "cover" plates, a "scarf", or "none".
-    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet.
-    """
+    ground  : base plate for feet with tabs; without a base plate (None) the ends have no feet."""
     parts = StripParts()
     members = [member for member in graph.members if is_strip(member)]
     overhang, cover_length = END_DISTANCE * layering.bolt, 2 * layering.half_cover_length
@@ -217,7 +215,7 @@ class _StripLayer:
         marks = list(label(name, position[0], float(angle[0]), high))
         taken = [(middle, text_length(name, high))]
         for s, hole in holes:
-            if "." not in hole.bolt:  # bolts of splices have no names
+            if "." not in hole.bolt:  # the names of splice bolts are not engraved
                 ahead = 1 if s + 4 * bolt < span[1] else -1
                 long = text_length(hole.bolt, height)
                 places = [s + side * (bolt / 2 + 3.5 * height) for side in (ahead, -ahead)]
@@ -250,15 +248,15 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
 UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
 MESH_TOLERANCE = 1 / 40
 """Largest distance between the mesh and the smooth surface, over the bolt diameter. Lengths of bays have at most about
-twice this error: on surfaces in closed form, a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm.
-"""
+twice this error: on surfaces in closed form, a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm."""
 LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports; a smaller strain would appear as 0.000 %
 
 
 @dataclass(frozen=True)
 class StripLimits:
     """Limits of all strips of a design for one layer thickness (m).
-    bending : largest bending strain, at `member`.    shape : largest strain |K| w^2 / 12 of the surface's curvature.
+    bending : largest bending strain, at `member`.
+    shape   : largest strain |K| w^2 / 12 that the Gauss curvature K of the surface causes in a strip of width w.
     limit   : strain at the material's strength; 0 if the preset has none.
     edge    : mean edge of the mesh (m).    wanted_edge : largest edge of a mesh that is fine enough for drilling (m).
     """
@@ -278,7 +276,7 @@ class StripLimits:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences about possible strips and impossible strips."""
+        """Sentences for the builder on the strips and their limits."""
         lines = []
         layers = f"layers of {length(self.thickness)}"
         bending_text = f"{layers} are bent to a strain of {self.bending:.2%} ({self.member} most)"
@@ -304,8 +302,7 @@ class StripLimits:
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown.
-    """
+    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
     bends, shapes, usual = [0.0], [0.0], list[Floats]()

@@ -1,4 +1,4 @@
-"""Mirror symmetries of a surface. dsfab cuts out one mirrored part and copies its new mesh to all further parts."""
+"""Mirror symmetries of a surface. dsfab remeshes one side of the mirrors and copies the new mesh to all other sides."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -17,8 +17,8 @@ from dsfab.surface.topology import euler_characteristic, half_edges, link_compon
 
 LARGEST_GROUP = 240  # Largest accepted number of elements of a symmetry group: twice those of the icosahedron.
 MATRIX_TOLERANCE = 1e-6  # Entries of matrices count as equal if they differ by less.
-INERTIA_TOLERANCE = 1e-2  # Moments of inertia count as equal if they differ by less, as a share of the largest.
-FAR_TOLERANCE = 1e-3  # Points count as equally far if their distances differ by less, as a share of the surface's size.
+INERTIA_TOLERANCE = 1e-2  # Moments of inertia are equal if they differ by less than this share of the largest.
+FAR_TOLERANCE = 1e-3  # Distances of points are equal if they differ by less than this share of the surface's size.
 
 
 def mirror(normal: Floats) -> Floats:
@@ -32,7 +32,7 @@ def centroid(surface: Surface) -> Floats:
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """Return the axis, among (3, 3) orthonormal rows, about which the inertia of the area is equal, or None."""
+    """Return the axis, out of `axes` (3, 3), about which the area's inertia is rotationally symmetric; else None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -43,15 +43,16 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
-    """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which passes through the origin.
-    count : least number of points; points as far as the last of them count too."""
+    """Return unit vectors (k, 3) from the origin to the farthest of the points x (n, 3).
+    count : least number of points; further points at the same distance as the last of them are included."""
     distance = lengths(x)
     farthest = np.flatnonzero(distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * size)
     return np.asarray(x[farthest] / distance[farthest, None])
 
 
 def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
-    """Yield normals of mirror planes through an axis that may exchange the first 24 of the directions (k, 3)."""
+    """Yield normals of planes through an axis. Each plane mirrors the first of the directions (k, 3) onto one of
+    the first 24, or onto its opposite."""
     for direction in directions[:24]:
         for through in (directions[0] + direction, np.cross(axis, directions[0] + direction)):
             if (length := np.linalg.norm(through)) > INERTIA_TOLERANCE:
@@ -59,7 +60,8 @@ def planes_through(axis: Floats, directions: Floats) -> Iterator[Floats]:
 
 
 def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
-    """Return all products (g, 3, 3) of rotations and mirrors, the identity first; raises OverflowError for too many."""
+    """Return the group (g, 3, 3) that the generators (3, 3) generate, the identity first.
+    Raises OverflowError if it has more than `largest` elements."""
     elements = np.empty((largest + 1 + len(generators), 3, 3))
     elements[0], count, walked = np.eye(3), 1, 0
     while walked < count:
@@ -74,9 +76,11 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
     return elements[:count].copy()
 
 
-IMAGE_TOLERANCE = 1 / 20  # Largest distance from the mirror image, as a share of the edge, because files are rounded.
-ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with further mirrors at these angles is round, and two mirrors suffice.
-MOST_SIDES = 16  # Largest number of sides by mirrors through an axis, 22.5 degrees each; for more, two mirrors suffice.
+IMAGE_TOLERANCE = 1 / 20
+"""Largest distance between a surface and its mirror image, over the edge length. Coordinates in files are rounded."""
+ROUND_ANGLES = (0.7, 1.9)  # Radians. A surface with mirrors at these angles to the first is round; two then suffice.
+MOST_SIDES = 16
+"""Largest number of mirrored sectors around an axis, 22.5 degrees each. If there are more, dsfab uses two mirrors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +96,7 @@ class Mirrors:
     @classmethod
     def from_surface(cls, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
         """Return the mirrors of a surface; None if it has none, or if it is not oriented.
-        edge   : metres, of the new mesh; a share of it is the tolerance.
+        edge   : edge length of the new mesh, metres; `IMAGE_TOLERANCE` refers to it.
         smooth : true to compare the smooth surface through the vertices, false to compare the facets."""
         if len(misoriented_edges(nearest_on.surface.F, nearest_on.surface.edges)):
             return None
@@ -218,7 +222,8 @@ def _mirror_group(normals: list[Floats], largest: int) -> Floats:
     return generated_group([mirror(normal) for normal in normals], largest)
 
 
-PLANE_TOLERANCE = 1e-3  # A vertex this near to a plane is on it; two images this near are one; a share of the edge.
+PLANE_TOLERANCE = 1e-3
+"""Distance, over the edge length, up to which a vertex lies on a mirror plane, and two images are one vertex."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -232,7 +237,7 @@ class Chamber:
 
     @classmethod
     def from_mirrors(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """Return the part around a point that rotates with the surface and does not lie in any of the planes."""
+        """Return the part on the side of a weighted sum of all vertices. This choice rotates with the surface."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         return cls(surface, mirrors, np.where(mirrors.normals @ mix < 0, -1.0, 1.0)[:, None] * mirrors.normals, edge)
 
@@ -260,10 +265,8 @@ class Chamber:
         return moved
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the vertex of V (n,) behind
-        each.
-
-        None if the topology or the boundary differs."""
+        """Return the whole surface from new vertices V (p, 3) and faces F of one side, and the row in V (n,) of the
+        original of each vertex. None if the topology or the length of the boundary would change."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]

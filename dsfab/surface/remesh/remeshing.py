@@ -44,18 +44,19 @@ def remeshed_surface(
              along an edge; 0 disables this.
     smooth : true if new vertices are on the smooth surface through the old vertices [Vlachos et al. 2001], false if
              they are on its facets.
-    sizes  : lengths wanted at vertices of this surface or of further surfaces on it, metres; the shortest counts.
+    sizes  : wanted edge lengths at the vertices of this surface or of other meshes of it, metres; the shortest counts.
 
-    Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. The
-    extent, the number of pieces and holes, and the sides of the faces also stay. Creases from slivers and noise go
-    (`design_features`), and ears (`with_ears_flipped`). Edges are shorter if these limits require it, and between close
-    curves. Equal surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of
-    `edge`) gets an exactly symmetric mesh, whose extent is within a fiftieth of `edge`.
+    Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`; their corners do not move.
+    The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change. Creases that
+    slivers and noise cause are removed (`design_features`), and so are ears (`with_ears_flipped`). Edges are shorter
+    if these limits require it, and between close curves. Equal surfaces give equal meshes. Without `sizes`, a surface
+    with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh, whose bounding box is exact
+    to a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
     repeated faces, and edges of more than two faces."""
     _check(surface, edge, finest)
-    mirrored = not sizes  # sizes may differ from side to side
+    mirrored = not sizes  # sizes may differ between mirrored sides
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for field in sizes or [SizeField(surface, np.full(surface.n, edge))]:
@@ -76,7 +77,7 @@ def _smallest_angle(surface: Surface) -> float:
 
 
 def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """Remesh one side of all mirrors and copy it; None without mirrors, for a small side, and for changed topology."""
+    """Remesh one mirrored part and copy it; None without mirrors, for a small part, or if the topology changes."""
     surface = nearest_on.surface
     mirrors = Mirrors.from_surface(nearest_on, edge, smooth)
     chamber = Chamber.from_mirrors(surface, mirrors, edge) if mirrors else None
@@ -97,14 +98,14 @@ def _by_sides(nearest_on: NearestOnSurface, edge: float, smooth: bool, sizes: Se
     whole_net = Net(every.V, NetFaces(every.F), net.kind[original], none, net.at[:0], none, net.size[original])
     V = with_vertices_at(whole_net, _places_on_curves(whole_net, nearest_on, edge, smooth), whole_net.at).V
     box, new_box = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
-    with suppress(SurfaceError):  # a narrow tip may have two vertices at the same corner
+    with suppress(SurfaceError):  # at a narrow tip, two vertices may move to one corner
         return Surface(V, every.F) if np.abs(np.subtract(box, new_box)).max() < TOLERANCE * edge else None
     return None
 
 
 def _places_on_curves(net: Net, nearest_on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """Return the places (n, 3) of a net's vertices on boundaries, creases and corners, and on facets if not smooth.
-    Mirror images of one side lie a little beside the curves of the next side."""
+    """Return new places (n, 3) of a net's vertices: on the nearest boundary, crease or corner, or on the facets if
+    not smooth. Mirrored vertices need this, because they lie slightly beside the curves of the surface."""
     surface = nearest_on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, nearest_on, smooth)
@@ -149,7 +150,7 @@ def _even_net(
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Halve long edges until none remains, with flips and collapses after each round against needle-shaped faces."""
+    """Halve long edges until none remains; flips and collapses after each round remove needle-shaped faces."""
     net = with_short_edges_collapsed(net, curves, edge)
     for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
@@ -161,7 +162,7 @@ def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _shortest_lengths(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; fields on one surface share a tree."""
+    """Return the smallest wanted edge length (k,) of all fields at points (k, 3), metres, by trees of their meshes."""
     candidates = []
     for tree in trees:
         if tree_lengths := [field.length for field in sizes if field.surface is tree.surface]:

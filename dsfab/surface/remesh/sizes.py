@@ -14,20 +14,20 @@ from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
 TURN_PER_EDGE = 15.0  # Degrees. If the surface turns by more along an edge, the edge should be shorter.
-CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, as a share of its root mean square.
+CHANGE_PER_EDGE = 0.25  # Largest change of a field along an edge, over the root mean square of the field.
 
 
 class SizeField(NamedTuple):
-    """Wanted length of edges (n,), metres, at the vertices of a surface, linear between them."""
+    """Wanted edge lengths (n,), metres, at the vertices of a surface; linear on its faces."""
 
     surface: Surface
     length: Floats
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """Return lengths (n,) of edges over which the surface turns by `TURN_PER_EDGE`, at least `finest`, at most `edge`.
-    The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count. Lengths are in metres."""
+    """Return edge lengths (n,), metres, from `finest` to `edge`, along which the surface turns by `TURN_PER_EDGE`.
+    The curvature tensor at a vertex sums the angles between faces [Cohen-Steiner and Morvan 2003] around the vertex
+    and its neighbours, without creases. Its largest eigenvalue counts."""
     two = surface.edges.count == 2
     shared = np.flatnonzero(two)[~feature_edges(surface)[two]]
     ends = surface.edges.ends[shared]
@@ -39,13 +39,13 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
-    """Return lengths (n,) of edges over which tensors change by `CHANGE_PER_EDGE`, between `finest` and `edge`, metres.
+    """Return edge lengths (n,), metres, from `finest` to `edge`, along which a field changes by `CHANGE_PER_EDGE`.
 
-    field : (m, 3, 3) tensors in the planes of the faces; `CHANGE_PER_EDGE` refers to their root mean square.
+    field : (m, 3, 3) tensors in the planes of the faces.
 
-    The difference along an edge is that of the means around its ends, without the rotation of the surface between them;
-    Zienkiewicz and Zhu [1987] recover stress by such means. The squared gradient at a vertex is twice the mean
-    square of the slopes of all edges around the vertex."""
+    The change along an edge is the difference of the mean tensors around its ends [means: Zienkiewicz and Zhu 1987],
+    after rotation into one tangent plane. The squared gradient at a vertex is twice the mean square of the slopes of
+    all edges around the vertex."""
     vertex_tensors, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
     slope = ((_transported_tensors(vertex_tensors[b], normal[b], normal[a]) - vertex_tensors[a]) ** 2).sum(axis=(1, 2))
@@ -73,7 +73,8 @@ def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """Sum the values (e, k) of edges (e, 2) around each vertex and its neighbours; return sums over areas (n, k)."""
+    """Return, for each vertex, the sum (n, k) of edge values (e, k) around it and its neighbours, divided by the
+    area of these vertices."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -88,7 +89,7 @@ def _transported_tensors(tensors: Floats, normal: Floats, onto: Floats) -> Float
 
 
 def _bends(surface: Surface, shared: Ints) -> Floats:
-    """Return the angles (s,) between the normals at edges (s,) of two faces, radians, positive at convex edges."""
+    """Return the angles (s,) between the two faces at each edge (s,), radians, positive at convex edges."""
     h0, h1 = _half_edges(surface, shared)
     a, b = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
@@ -96,13 +97,14 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
     return np.asarray(np.where(np.einsum("ei,ei->e", a, across) < 0, angle, -angle))
 
 
-GRADE = 0.3  # Largest growth of the wanted length per metre, so that neighbours differ by less than a factor of 1.3.
-LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, as a share of the edge.
-CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, as shares of the edge.
+GRADE = 0.3  # Largest growth of the wanted length per metre, so that adjacent edges differ by a factor below 1.3.
+LEAST = 1 / 20  # Least wanted length at bends of curves and narrow places, over the general edge length.
+CHORD_SHARES = 0.85 ** np.arange(19)  # Trial lengths of the chords of a curve, over the general edge length.
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """Return the net with graded lengths: `base` (n,) or a number, metres, at most the chords (p,) of its curves."""
+    """Return the net with graded edge lengths, metres.
+    They are at most `base` (n,), or a number, and less at bends of curves (`chords` (p,)) and in narrow places."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -117,7 +119,7 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """Return the largest sizes (n,) up to the input, metres, whose slope along edges (e, 2) is at most `GRADE`."""
+    """Reduce sizes (n,), metres, as little as possible until their slope along edges (e, 2) is at most `GRADE`."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -130,9 +132,10 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Return groups of fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,).
-    The width is an edge from curve to curve, the height of a face between them, or an edge between corners. The face
-    in the angle of a corner does not count, because it is narrow at any size. The slope is that of `_slopes`."""
+    """Return lists of vertices (k,) at narrow places, the width (k,) of the surface there, metres, and its slope (k,).
+    The width is the length of an edge between two curves or corners, or the height of a face between two curves. A
+    face in the angle of a corner does not count, because it is narrow at any edge length. `_slopes` defines the slope.
+    """
     constrained, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     is_along = along[edges.of]
@@ -157,12 +160,12 @@ def _narrow_places(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
-    """Return how fast (k,) the surface widens from the common corner of the curves of two vertices, else 0.
+    """Return the slopes (k,) at which pairs of curves diverge from their common corner; 0 without a common corner.
 
-    The slope is the width (k,) at the vertices, metres, over their distance from the corner along the curves.
+    The slope is the width (k,) between two vertices, metres, over their distance from the corner along the curves.
 
         corner <   ---- at a slope of 0.3 the surface is 0.3 edges wide at an edge's length from the corner: such edges
-                        fill it from there on; shorter edges nearer to the corner would never end"""
+                        fill it from there on; nearer to the corner, edges would become shorter without end"""
     corner, distances = _corners(net)
     slope = np.zeros(len(start))
     for i in range(2):
@@ -174,8 +177,8 @@ def _slopes(net: Net, start: Ints, end: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """Return the corners (n, 2) at both ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it.
-    The distances are in metres. A vertex that is a corner has itself twice."""
+    """Return the corners (n, 2) at both ends of each vertex's curve, or -1, and the distances (n, 2) to them along it.
+    The distances are in metres. Both corners of a corner vertex are the vertex itself."""
     corner, distances = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -187,8 +190,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """Return the length (p,) of the longest chord about each point of the curves, metres.
-    The length is `edge`, or less if a longer chord would leave the curve by more than 80 % of the tolerance."""
+    """Return the length (p,), at most `edge`, of the longest chord around each point of the curves, metres.
+    A longer chord would deviate from the curve by more than 80 % of the tolerance."""
     longest = np.full(len(curves.at), edge * CHORD_SHARES[-1])
     open_ = np.arange(len(curves.at))
     is_last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -50,8 +50,9 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3). They are at thirds of the edge, moved
-    into the planes of the normals (m, 3, 3) at its ends. On `straight` edges (m, 3) they stay on the edge."""
+    """Return two control points of each edge (m, 6, 3) of triangles P (m, 3, 3). Points at thirds of the edge are
+    moved into the tangent planes at its ends, with normals (m, 3, 3). On `straight` edges (m, 3) they stay on the edge.
+    """
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -62,7 +63,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """Return unit normals (m, 3 corners, 3): mean face normals by angle around a vertex, up to features (e,)."""
+    """Return unit normals (m, 3 corners, 3): means of the face normals around a vertex, weighted by angle.
+    Faces beyond a feature, an edge marked in (e,), do not count."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -91,10 +93,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """Move free vertices within their tangent planes to the weighted means of their faces, and the rest along their
-    curves.
-
-    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps."""
+    """Move free vertices in their tangent planes to weighted means of the centres of their faces, and curve
+    vertices to even steps along their curves. The weight of a face is its area over its squared wanted edge length."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -123,7 +123,7 @@ def _corner_sums(F: Ints, values: Floats, n: int) -> Floats:
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """Return positions (k,) of nodes with even steps in wanted lengths; every second node moves at a time."""
+    """Return new positions (k,) of the curve nodes: their distances become proportional to the wanted edge lengths."""
     places = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(places) - 1, 1 + parity), 2)
@@ -140,10 +140,11 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, positions: Floats) -> Net:
-    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), unless a face turns by 60 degrees."""
+    """Move vertices to goals (n, 3), metres, and curve nodes to positions (k,).
+    Vertices of a face that would turn by over 60 degrees stay."""
     old_areas, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    retreats = 6  # rounds that put single vertices back; after these, all vertices go back
+    retreats = 6  # rounds that move single vertices back; after them, all vertices go back
     for k in range(retreats + 1):
         new_areas = area_vectors(V, net.F[face])
         was = old_areas[face]

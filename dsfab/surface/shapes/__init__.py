@@ -2,7 +2,7 @@
 
 `SHAPES` lists them by name for presets. All are deterministic, in metres with z up and normals up or outward.
 Triangles are nearly equilateral and about `edge` metres wide. They form staggered rows, rings or a subdivided
-icosahedron, because a pattern would follow the parallel diagonals of a grid."""
+icosahedron, because stripes would follow the parallel diagonals of a grid."""
 
 from collections.abc import Callable
 

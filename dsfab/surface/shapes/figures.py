@@ -26,7 +26,7 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 NECK_CUT = 0.4  # Height of the cut through the camel's neck, in the coordinates of the model.
-MOUTH, HOLLOW = 0.017, 0.034  # Largest triangles that show the camel's mouth and the hollow of its ear.
+MOUTH, HOLLOW = 0.017, 0.034  # Largest edge lengths at which the camel has a mouth, and hollow ears.
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
@@ -121,7 +121,7 @@ def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
 
 def _buttons(P: Floats) -> Floats:
     x, y, z = P.T
-    front = x + 0.9 * y**2 - 0.03  # positive in front of the cross seam
+    front = x + 0.9 * y**2 - 0.03  # positive in front of the seam across the mouse
     top, before = _rising((z - 0.07) / 0.04), _rising(front / 0.04)
     seams = np.maximum(np.exp(-((y / 0.035) ** 2)) * before, np.exp(-((front / 0.035) ** 2)))
     return np.asarray(top * (0.018 * seams + 0.012 * before * _rising(y / 0.03)))
@@ -218,7 +218,7 @@ OPENINGS = (0.22, 0.5, 0.78)  # Heights of the tower's openings, as shares of it
 @shape
 def bridge(span: Length = 30.0, rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13, edge: Length = 0.5) -> Surface:
     """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
-    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span."""
+    span : length of the deck, metres.    rise : rise of the arch's underside over the span."""
     crown = rise + 0.075
 
     def deck(P: Floats) -> Floats:
@@ -298,7 +298,7 @@ def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
 
 @dataclass(frozen=True)
 class _Disc:
-    """The unit disc of the complex plane as coordinates of the surface; its circle is the border."""
+    """Chart of Boy's surface: its coordinates are the unit disc of the complex plane, its border is the unit circle."""
 
     height: float
 

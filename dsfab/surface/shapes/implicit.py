@@ -22,21 +22,22 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_neighbours
 
-LONGEST, SHORTEST = 4 / 3, 4 / 5  # Remeshing divides longer edges and collapses shorter edges, in wanted lengths.
+LONGEST, SHORTEST = 4 / 3, 4 / 5  # Edges over 4/3 of the wanted length are halved, edges under 4/5 collapse.
 ROUNDS, POLISH = 5, 10  # Numbers of rounds that change the number of vertices, and of later rounds of flips and moves.
 LEAST_TURN_COSINE = 0.3  # Cosine of the largest turn of a face in one step, about 70 degrees.
 FOLDED = -0.5  # Two faces form a fold if the cosine between their normals is lower, at angles over 120 degrees.
 
 
 class MeshChart(Protocol):
-    """A smooth surface with vertices on it, by coordinates X (n, k) that the surface chooses."""
+    """A smooth surface whose points have coordinates X (n, k), for example two parameters, or x, y and z."""
 
     def place(self, X: Floats) -> Floats:
         """Return the points (n, 3), metres."""
         ...
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return the coordinates (n, k) of points moved by about step (n, 3), metres; border stays on the border."""
+        """Return the coordinates (n, k) of points moved by about `step` (n, 3), metres.
+        border : (n,) marks of points on the border, which stay on the border."""
         ...
 
 
@@ -45,8 +46,7 @@ def remeshed_chart(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[F
 
     X, F : any oriented manifold mesh of the surface, in the chart's coordinates; its genus and its boundaries stay.
 
-    Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
-    of the surface."""
+    Raises SurfaceError if the edge is longer than details of the surface: the mesh has gaps, folds or other faults."""
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
@@ -187,9 +187,9 @@ def _relax(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     return chart.move(X, 0.8 * step, border)
 
 
-Field = Callable[[Floats], Floats]  # From points (q, 3) to approximate distances (q,) of a solid, negative inside, m.
+Field = Callable[[Floats], Floats]  # Points (q, 3) -> approximate distances (q,) from a solid, m, negative inside.
 Point = Sequence[float] | Floats
-EDGE_CORRECTION = 0.9  # Correction of the edge length, because remeshing gives a longer mean edge.
+EDGE_CORRECTION = 0.9  # Factor on the wanted edge length, because remeshing makes edges too long on average.
 
 
 def _norm(Q: Floats) -> Floats:
@@ -215,8 +215,8 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
-    """Return the field of a tube with round ends along a polygon; its radius is linear between the corners.
-    soft : width over which its joints are filled, as a share of the smallest radius."""
+    """Return the field of a tube with round ends along a polyline; its radius is linear between the corners.
+    soft : width of the fillets at its joints, over the smallest radius."""
     parts = [_cone(*ends) for ends in zip(points[:-1], points[1:], radii[:-1], radii[1:], strict=True)]
     return smooth_union(parts, soft * min(radii)) if len(parts) > 1 else parts[0]
 
@@ -248,7 +248,7 @@ def rounded_box(centre: Point, halves: Point, rounding: float, axes: Floats | No
 
 
 def smooth_minimum(a: Floats, b: Floats, k: float) -> Floats:
-    """Return the smaller of two values (k,), rounded if they differ by less than k [polynomial, Quilez 2013]."""
+    """Return the minimum (n,) of two values, rounded if they differ by less than k [polynomial, Quilez 2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
@@ -282,7 +282,7 @@ def mirror_union(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """The zero set of a field, as a chart whose coordinates are the points themselves. The border lies at z = floor."""
+    """The zero set of a field as a chart, with the points as coordinates; the border lies at z = floor."""
 
     field: Field
     reach: float
@@ -294,7 +294,8 @@ class LevelSet:
         return X
 
     def move(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """Return X + step (n, 3) after two Newton steps along one gradient; the border (n,) stays on the floor."""
+        """Return X + step (n, 3), moved to the zero set by two Newton steps along one gradient.
+        border : (n,) marks of points on the border, which keep z = floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:
@@ -313,7 +314,7 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
     """Return the zero set of a field, in even triangles about `edge` metres wide, normals outward.
 
     low, high : corners of a box around the solid, metres.
-    floor     : height at which the solid is cut and its surface open, with the boundary in the plane.
+    floor     : height of a plane that cuts the solid, metres; the surface is open there. None for a closed surface.
 
     Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless."""
     bottom, top = np.array(low, dtype=np.float64), np.array(high, dtype=np.float64)

@@ -19,7 +19,7 @@ ROW = np.sqrt(3) / 2  # Ratio of height to edge of an equilateral triangle.
 
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
-    """Decorate a shape with a check of the bounds in its annotations, for presets and Python alike."""
+    """Decorate a shape function so that it checks its arguments against the bounds in their annotations."""
     bounds = {
         name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
         for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
@@ -72,12 +72,12 @@ def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> 
 
 
 def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
-    """Vertices (n, 2) on the unit square and faces of `rows` staggered rows of `columns` edges.
+    """Return vertices (n, 2) on the unit square, and faces in `rows` rows between staggered lines of vertices.
 
-    x---x---x      even rows: columns + 1 vertices
-    |\\ / \\ / \\ |     odd rows: one more, half an edge at both ends
+    x---x---x      even lines: columns + 1 vertices
+    |\\ / \\ / \\ |     odd lines: one vertex more, half edges at both ends
     o-o---o-o
-    |/ \\ / \\ / |     rows is even, so that the mesh mirrors onto itself in both directions
+    |/ \\ / \\ / |     an even number of rows makes the mesh symmetric in both directions
     x---x---x"""
     even_row = np.arange(columns + 1) / columns
     odd_row = np.concatenate([[0.0], (np.arange(columns) + 0.5) / columns, [1.0]])
@@ -99,7 +99,7 @@ def staggered_rows(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """Return positions (k,), in turns, of vertices in rings of `counts` (r,); equal rings alternate by half a step."""
+    """Return the angles (k,) of each ring's vertices, in full turns; equal adjacent rings alternate by half a step."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -108,9 +108,9 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """Return faces (m, 3) between rings of vertices at shares (k,) of a turn; a ring with a single vertex is a pole.
-    The faces run counter-clockwise if the turns do and later rings are outside. A face joins each edge of a ring to the
-    vertex of the neighbouring ring nearest to its middle. closed: join the last ring to the first."""
+    """Return faces (m, 3) between rings of vertices at angles (k,), in full turns; a ring of one vertex is a pole.
+    Each face joins an edge of a ring to the vertex of the neighbouring ring nearest to the edge's middle. Faces are
+    counter-clockwise if later rings lie outside. closed: join the last ring to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
     return np.concatenate([_band_faces(turns[a], start[a], turns[b], start[b]) for a, b in pairs])

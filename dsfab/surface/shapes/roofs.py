@@ -82,14 +82,14 @@ def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: flo
     rim    : (k, 2) points along the boundary, about `edge` apart; they stay in place and come first.
     inside : function that returns which points (q, 2) are inside by at least a distance.
 
-    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing always reduced the smallest angle (5
-    and 40 Laplacian rounds with new triangles after each, nine pavilions)."""
+    Method: Delaunay triangles of the rim and a hexagonal lattice, without smoothing. On nine pavilions, 5 and 40
+    rounds of Laplacian smoothing reduced the smallest angle."""
     from scipy.spatial import Delaunay  # imported here, because the import takes a tenth of a second
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # the rim and the lattice form good triangles
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # nearer points would form flat triangles
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -114,8 +114,8 @@ def pavilion(
     opening : height of the arches between the feet at their middle.
     foot    : width of each foot along the circle.
 
-    A plane for each arch cuts the sphere through crown and feet. The mesh is created in the stereographic plane, which
-    preserves angles and shows every arch as a circle. It is symmetric about every foot. Normals up."""
+    The sphere goes through crown and feet; a plane cuts it at each arch. The mesh is created in the stereographic
+    plane, which preserves angles and shows every arch as a circle. It is symmetric about every foot. Normals up."""
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
     check_density(2 * np.pi * radius * rise, edge)
@@ -144,7 +144,7 @@ def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> 
 
 class _Wedge:
     """Half a foot and half an arch in the stereographic plane, from angle 0 (foot) to angle `half` (middle of an arch).
-                      x top      the arch is part of a circle, centre outside the shell when it bends inward
+                      x top      the arch is a circular arc; if it bends inward, its centre is outside the shell
                   /    \\
         crown x----------x ground"""
 
@@ -161,8 +161,7 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Return points around the wedge, and the points on its two straight sides; both sides begin at point 0,
-        the crown."""
+        """Return points (k, 2) around the wedge, and the indices of those on its two straight sides; 0 is the crown."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]

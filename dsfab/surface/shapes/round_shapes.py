@@ -130,7 +130,7 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivide(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Divide every face into f^2 flat triangles; vertices with equal integer weights on the corners are one vertex."""
+    """Divide every face into f^2 flat triangles; points with equal integer weights of corners become one vertex."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     index = np.full((f + 1, f + 1), -1)

@@ -1,4 +1,4 @@
-"""Bodies for extras: boxes, rods, their unions; also the base surface of all extras."""
+"""Bodies for extras: boxes, rods, their unions; also the surface and the sheet to which extras refer."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,15 +19,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """Context of extras: the uncut surface, the cut sheet, and a function between their vertices.
-    between : returns marks (n',) at the sheet's vertices for marks (n,) at those of the surface."""
+    """Input of extras: the uncut surface, the cut sheet, and a function between their vertices.
+    between : carries marks (n,) from the surface's vertices to the sheet's vertices (n',)."""
 
     surface: Surface
     sheet: Surface
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """Return the points (k, 3) of the sheet at marked vertices (n,) of the surface, for each connected part."""
+        """Return the points (k, 3) of each connected part of the sheet at marked vertices (n,) of the surface."""
         marked = self.between(marks)
         touching = marked[self.sheet.F].any(axis=1)
         if not touching.any():

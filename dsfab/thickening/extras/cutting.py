@@ -55,7 +55,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def apply(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """Return the solid inside the plane and the box; raises SolidError for an incomplete plane or box."""
+        """Return the solid behind the plane and inside the box; raises SolidError for an incomplete plane or box."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -151,4 +151,4 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
     if not (inset(0.9 * low) ^ dot).is_empty():
         return np.asarray(middle)
-    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # the part is a bent strip
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # for bent strips

@@ -20,9 +20,10 @@ if TYPE_CHECKING:
 @dataclass(frozen=True)
 class Feet:
     """`kind = "feet"`: a block under each part of the sheet that contains picked vertices, united with the sheet.
-    at     : vertices on feet.    height : metres below the lowest picked vertex of a part.
-    margin : metres around the picked vertices.    sink : metres above the lowest vertex, so that both overlap.
-    Blocks stand along z."""
+    at     : vertices that get feet.    height : depth of a block below the lowest picked vertex of its part, metres.
+    margin : border of a block around the picked vertices, metres.
+    sink   : height of a block above the lowest vertex, metres, so that block and sheet overlap. Blocks stand along z.
+    """
 
     __pydantic_config__: ClassVar[Any] = STRICT
     at: Picker
@@ -119,7 +120,7 @@ def closed_bar(P: Floats, along: Floats, normal: Floats, width: float, height: f
     P : (k, 3) corners of the centre line.    along, normal : (k, 3) unit vectors of the sides that begin there.
     The bar's sections at corners lie in the bisecting planes, stretched so that the bar has a constant width."""
     before = np.roll(along, 1, axis=0)
-    sharpest = 0.2  # least cosine of half the turn, for which the mitre is five times as long as the bar is wide
+    sharpest = 0.2  # least cosine of half a corner's turn; there the mitre is five times the bar's width
     middle = before + along
     cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
     middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)

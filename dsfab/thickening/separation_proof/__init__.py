@@ -1,8 +1,9 @@
 """Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
 
-The surface is divided into boxes; the boxes around a box form its block. The prisms of a box meet no other prisms under
-two conditions. First, the box's axis sees all skins of the block from the front. Second, the rim of the block runs once
-around the box's cylinder, outside of it. Then the prisms project along the axis without overlap."""
+A grid of boxes divides the surface; a box and the boxes around it form its block. The axis of a box is the mean normal
+of its faces. The prisms of a box meet no other prisms under two conditions. First, all skin normals of the block are
+within 90 degrees of the axis. Second, the rim of the block runs around the box's cylinder exactly once, outside of it.
+Then projections of the prisms along the axis do not overlap."""
 
 from dataclasses import dataclass
 
@@ -32,7 +33,7 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """Distance of the middle from the surface, as a multiple of D."""
+        """Distance of the solid's middle layer from the surface, as a multiple of D."""
         return SHIFT[self.side]
 
 
@@ -45,7 +46,8 @@ class Boxes:
     """Boxes of the faces of a surface.
     of   : (m,) number of the box of each face.    place : (k, 3) place of each box in the grid.
     grid : number of the box at each place, -1 for boxes without faces, with a border of `REACH` empty boxes.
-    key  : (k,) place of each box in the flattened grid."""
+    key  : (k,) place of each box in the flattened grid.    middle, axis : (k, 3) middle and mean normal of its faces.
+    radius : (k,) radius of a cylinder along the axis that contains all prisms of the box (m)."""
 
     of: Ints
     place: Ints
@@ -101,8 +103,8 @@ Three = tuple[Floats, Floats, Floats]
 
 
 def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return the cells (m',) with prisms that may be folded, the least cosine (k,) between skins and axis in each box,
-    and the reach (m',), m, of each prism from its middle."""
+    """Return a mask (m',) of the cells whose prisms may be folded, the least cosine (k,) between the skin normals
+    and the axis of each box, and the radius (m',) of each prism about its middle, metres."""
     F, m = layer.cells.F, layer.cells.m
     upper = np.ascontiguousarray((layer.cells.V + (layer.shift + 1) * layer.carried).T)
     lower = np.ascontiguousarray((layer.cells.V + (layer.shift - 1) * layer.carried).T)
@@ -121,7 +123,7 @@ def prisms(layer: OffsetLayer, boxes: Boxes, error: float) -> tuple[Bools, Float
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, error: float) -> tuple[Bools, Floats, Floats]:
-    """Return the folded prisms (m,), the least cosine (m,) of their skins to an axis, and their reach (m,).
+    """Return a mask (m,) of folded prisms, the least cosine (m,) of skin normals to an axis, and the radii (m,).
     upper, lower : corners (3 xyz, 3 corners, m) with errors up to e. A determinant of three vectors up to r long has an
     error of 3 r^2 e. The normal of a triangle with sides up to s has an error of 4 s e."""
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
@@ -152,7 +154,7 @@ def _dot(a: Three, b: Floats | Three) -> Floats:
 
 
 def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
-    """Return the boxes (k,) whose axis sees all skins of their block from the front."""
+    """Return a mask (k,) of the boxes whose axis is within 90 degrees of all skin normals of their block."""
     spread = np.arccos(np.clip(cosine, -1, 1))
     visible = spread < np.pi / 2
     every = np.arange(len(visible))
@@ -165,7 +167,7 @@ def boxes_seen_from_front(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def boxes_with_simple_rims(layer: OffsetLayer, boxes: Boxes, accepted: Bools, error: float) -> Bools:
-    """Return the accepted boxes (k,) around whose cylinder the rim of the block runs once, outside of it."""
+    """Return a mask (k,) of the accepted boxes around whose cylinder the rim of their block runs exactly once."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + error
     accepted, turns = accepted.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -245,7 +247,7 @@ def proven_cells(layer: OffsetLayer) -> Bools:
 def _cells_near_folds(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
-    size = 2.1 * reach  # the sphere is around the mean of the corners, in the middle layer
+    size = 2.1 * reach  # a sphere of radius `reach` around `middle` contains a prism
     lists = cKDTree(middle).query_ball_point(middle[bad], size[bad] + size.max())
     result = np.zeros(len(folded), dtype=bool)
     result[np.concatenate([np.asarray(row, dtype=np.int64) for row in lists])] = True

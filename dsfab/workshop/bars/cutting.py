@@ -3,8 +3,7 @@ r"""Bars and the plates of their nodes as flat parts.
 plate of a node, from outside       bar, from outside
       _| |_                          ____________________________
      |_ o _|   o node                \ o o                    o o |   corners cut off near neighbours
-       | |     folds across arms     /____________________________|
-"""
+       | |     folds across arms     /____________________________|"""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,10 +16,8 @@ from dsfab.workshop.bars.lattice import BAR_CLEARANCE
 from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Distances in bolt diameters from the fold to the first bolt, between bolts, and to the plate's end; the first row
-with
-room is used.
-"""
+"""Distances in bolt diameters from the fold to the first bolt, between bolts, and to the plate's end. The first row
+that fits is used."""
 LEG_NAME = "ground"  # name of a plate's leg, because a leg has no bar that gives it a name
 
 
@@ -39,7 +36,7 @@ class BarStock:
         return (self.bar + self.plate) / 2
 
     def bolt_stations(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Return distances from a bar's beginning to its bolts and to the plate's end (m); no bolts without room."""
+        """Return distances from a bar's beginning to its bolts and the plate's end (m); no bolts in too short a bar."""
         clear, room = BAR_CLEARANCE * self.bolt, bar.length / 2
         for *steps, end_distance in BOLT_SPACINGS:
             stations = clear + self.bolt * np.cumsum(steps)
@@ -67,7 +64,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b between a bar and its neighbours; x is along the bar and to its left."""
+    """Yield half planes a . x <= b that keep a bar clear of its neighbours; x is along the bar and to its left."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -76,7 +73,7 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Return the length along which a mitre cuts one side of a bar, from the beginning of the bar's line (m)."""
+    """Return the length of a bar's side that the mitre at one end cuts off (m)."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
@@ -126,7 +123,7 @@ def plate_part(joint: Joint, lattice: BarLattice, stock: BarStock) -> FlatPart:
 
 
 def plate_arms(joint: Joint, lattice: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """Return the arms of a node's plate counter-clockwise; the plate's leg is one of them."""
+    """Return the arms of a node's plate counter-clockwise; a leg of the plate is also an arm."""
     arms = [PlateArm.from_bar(joint, lattice.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms
@@ -144,8 +141,7 @@ class PlateArm:
     """Arm of a flat node plate.
     bar     : name of its bar.    azimuth, dip : direction of the bar, and angle of the fold (radians).
     fold, end : distances from the node to the fold and to the end (m).    holes : distances from the node to holes (m).
-    after   : angle to the next arm (radians).    root : distance from the node to the beginning of the bar (m).
-    """
+    after   : angle to the next arm (radians).    root : distance from the node to the beginning of the bar (m)."""
 
     bar: str
     azimuth: float

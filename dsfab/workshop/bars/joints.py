@@ -6,8 +6,7 @@
      plate      ··.._        m    normal of the bar: n without its component along the bar; the twist is the
                  bar          ·   angle between the normals of both ends
 
-A leg continues the plate down the surface to a fold at e, and is level from there, with anchors.
-"""
+A leg continues the plate down the surface to a fold at e, and is level from there, with anchors."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,7 +32,9 @@ ANCHOR_SPACINGS = (3.0, 4.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Leg of a plate: unit direction `way` (3,) in the plate, fold to the normal (radians), anchor diameter (m)."""
+    """Leg of a node plate.
+    way : (3,) its unit direction in the plane of the plate.    anchor : diameter of its anchors (m).
+    fold : angle by which it is folded towards the normal of the plate (radians)."""
 
     way: Floats
     fold: float
@@ -56,8 +57,7 @@ class Leg:
 @dataclass(frozen=True, eq=False)
 class Footing:
     """Ground contact of a structure: its supports (q, 3) in metres, unit vector `up` (3,), and diameter of anchors (m).
-    reach : largest distance of a support from its node, in addition to member widths (m).
-    """
+    reach : largest distance of a support from its node (m), beside 0.75 of the widest member's width."""
 
     supports: Floats
     up: Floats
@@ -127,7 +127,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Return sentences on plates with legs, by their folds (radians), and on nodes without a leg."""
+    """Return sentences on plates with legs, from the angles of their folds (radians), and on nodes without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     sentences = []
     if angles:
@@ -151,8 +151,7 @@ class BarEnd:
     node    : node number.    azimuth : radians counter-clockwise about the node's normal, from the node's first bar.
     dip     : radians below the plane of the node.
     root    : distance from the node to the beginning of the bar's line (m).
-    before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar.
-    """
+    before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar."""
 
     node: int
     azimuth: float
@@ -166,8 +165,7 @@ class BarEnd:
 class LatticeBar:
     """Straight bar of a bay.
     points : (2, 3) both ends of the bar's line (m).    normals : (2, 3) normals of the bar at both ends.
-    sagitta : largest distance of the member's axis from the bar (m).
-    """
+    sagitta : largest distance of the member's axis from the bar (m)."""
 
     bay: Bay
     ends: tuple[BarEnd, BarEnd]
@@ -198,10 +196,10 @@ class LatticeBar:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Bars at a node, counter-clockwise, as pairs: bar number, and 0 for the bar's beginning or 1 for its end.
+    """Node with its bars and its plate.
+    bars : bars counter-clockwise, as pairs of the bar's number and of 0 for the bar's beginning or 1 for its end.
     half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
-    leg  : leg of the plate at a support.
-    """
+    leg  : leg of the plate at a support."""
 
     node: LatticeNode
     bars: tuple[tuple[int, int], ...]
@@ -225,9 +223,8 @@ class BarLattice:
         return float(np.mod(np.arctan2(direction @ np.cross(n, x), direction @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
-        """Return the lattice with legs at supports, and names of nodes on too flat a surface or with a bar in the
-        way.
-        """
+        """Return the lattice with legs at supports, and names of nodes without a leg.
+        A node has no leg if the surface is too flat, or if a bar is in the way."""
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
         nodes = [self.joints[k].node for k in joined]
         points, normals = (np.array([getattr(node, name) for node in nodes]) for name in ("point", "normal"))
@@ -256,7 +253,7 @@ class _BayEnds:
     opposite: Ints
 
     def dip(self, directions: Floats, N: Floats) -> Floats:
-        """Return angles (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3)."""
+        """Return the dip (2 b,) of directions (2 b, 3), their angle below the planes of nodes with normals N (n, 3)."""
         sines = np.einsum("qi,qi->q", directions, N[self.node]) / np.linalg.norm(directions, axis=1)
         return np.asarray(-np.arcsin(sines))
 
@@ -315,13 +312,10 @@ def _counter_clockwise(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints,
 def _arm_size(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
     """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
 
-    Bars at right angles do not touch at half of their width from the node; sharper angles and leaning bars need more.
-    Short
-    bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide enough for bolts; this
-    moves
-    folds outwards.
-    """
-    notch = 0.9  # distance from the node to the point where arms separate, over the distance to the bars
+    At right angles, bars can begin at half of their width from the node; at sharper angles, and if they lean, they
+    begin farther away. Short bars begin closer to the node and get mitres. Arms at sharp angles are narrower, but wide
+    enough for bolts; this moves their folds outwards."""
+    notch = 0.9  # distance from the node to the corner between two arms, over the distance to the bars
     least, sharpest = LEAST_SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE_ANGLE) / 2)) + BAR_CLEARANCE * bolt + float(lean.max())

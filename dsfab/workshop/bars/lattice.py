@@ -24,8 +24,7 @@ class LatticeNode:
     """Node of bars: one node of the graph, or several nodes that are too close for bars between them.
     id     : name of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
     point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
-    moved  : largest distance of these nodes from the point (m).
-    """
+    moved  : largest distance of these nodes from the point (m)."""
 
     id: str
     nodes: tuple[str, ...]
@@ -55,8 +54,7 @@ class Lattice:
     """Nodes and bays of a structure of bars.
     merged_pairs : number of node pairs that become one node, because they are closer than the shortest bar.
     parallel : names of omitted bays, which join the same two nodes as another bay.
-    rings    : names of closed members with fewer than three nodes, which cannot become bars.
-    """
+    rings    : names of closed members with fewer than three nodes, which cannot become bars."""
 
     nodes: tuple[LatticeNode, ...]
     bays: tuple[Bay, ...]
@@ -75,14 +73,13 @@ class _RawBay:
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     """Return the lattice of the members that have an axis; bolt : diameter (m).
-    Raises PatternError if more than a tenth of the bays is too short for bars.
-    """
+    Raises PatternError if more than a tenth of the bays is too short for bars."""
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if becomes_bars(member)]
     raw_bays = [raw_bay for member in members for raw_bay in _member_bays(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for raw_bay in raw_bays for key in raw_bay.ends))
     group, short = _place_groups(keys, raw_bays, places, bolt)
-    if short > 0.1 * len(raw_bays):  # with fewer bays, bars do not follow the pattern
+    if short > 0.1 * len(raw_bays):  # bars would no longer follow the pattern
         raise PatternError(
             f"{short} of {len(raw_bays)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"
@@ -139,9 +136,8 @@ def _member_bays(
 def _place_groups(
     keys: list[str], raw_bays: list[_RawBay], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends are
-    grouped.
-    """
+    """Return the group number (n,) of each place, and the number of bays that are too short for bars.
+    A group contains all ends of connected short bays, and all free ends of members that overlap."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in raw_bay.ends] for raw_bay in raw_bays], dtype=np.int64).reshape(-1, 2)

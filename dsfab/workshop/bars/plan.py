@@ -18,8 +18,7 @@ from dsfab.workshop.plates import plate_parts
 @dataclass(frozen=True, eq=False)
 class BarPlan:
     """Bars in space, their stock, and all parts: bars, node plates and discs.
-    legless : names of supported nodes whose plates have no leg.
-    """
+    legless : names of supported nodes whose plates have no leg."""
 
     bar_lattice: BarLattice
     stock: BarStock
@@ -38,7 +37,7 @@ class BarPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences about possible and impossible bars and plates."""
+        """Sentences for the builder on the bars and plates, and on those that are impossible or left out."""
         legged = {joint.node.id: joint.leg for joint in self.bar_lattice.joints if joint.leg}
         return (
             *_possibility_lines(self),
@@ -49,8 +48,7 @@ class BarPlan:
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
     """Return the bars, plates and discs of a graph, with legs at supports. normals : (n, 3) at the vertices of the
-    graph's sheet. Raises PatternError if nodes are too close to each other for bars.
-    """
+    graph's sheet. Raises PatternError if nodes are too close to each other for bars."""
     lattice = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     lattice, legless = lattice.with_legs(footing) if footing else (lattice, [])
     nodes = lattice.lattice.nodes

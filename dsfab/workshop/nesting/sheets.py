@@ -1,9 +1,7 @@
-"""Parts nested on sheets for the least cost, and fewer sheets by spyrrow, which moves the parts of one sheet to the
-rest.
+"""Parts nested on sheets for the least cost, and fewer sheets by spyrrow.
 
-Spyrrow packs a strip as short as possible, in a process of its own. It empties the least used sheet part by part.
-`least_clearance` checks each result; if the check fails, the old nest stays.
-"""
+Spyrrow packs a strip as short as possible, in a process of its own. Part by part, it moves the parts of the least used
+sheet to the other sheets. `least_clearance` checks each result; if the check fails, the old nest stays."""
 
 import importlib.util
 import json
@@ -57,8 +55,7 @@ def nest_parts(
 
     The cheapest trial wins, or without prices the trial with the least area. A trial begins with one size, or takes for
     each sheet the size with most used area for its price. Then smaller sheets replace sheets whose parts fit on them.
-    Raises PatternError for a part that fits on no sheet.
-    """
+    Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
     cheapest: list[NestedSheet] | None = None
     for boxes in (False, True):
@@ -174,8 +171,7 @@ def _fill_sheets(
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
     """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
     The distance is 0 for overlaps, and negative beyond an edge.
-    size : size of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
-    """
+    size : size of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m)."""
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     distances = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
     for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):

@@ -17,8 +17,7 @@ ROUNDING = 1e-9  # tolerance for rounding errors (m)
 class PartShape:
     """Turned part: lower and upper edges (k,) in k columns (m), moved outwards by half of the gap.
     low : (2,) lowest corner of its box.    size : (2,) size of its box.    top : highest value of the upper edge.
-    total : sum of the lower edge.    thick : largest height between both edges.
-    """
+    total : sum of the lower edge's values.    thick : largest height between both edges."""
 
     part: FlatPart
     turn: float
@@ -48,7 +47,8 @@ def column_grid(stock: Sequence[tuple[float, float]], gap: float, grain: bool = 
 
 
 def part_shapes(part: FlatPart, grid: ColumnGrid, boxes: bool) -> list[PartShape]:
-    """Return the shapes of a part along the sheet and, if short enough, across it. A box needs fewer turns."""
+    """Return the shapes of a part along the sheet and, if short enough, across it.
+    boxes : whether to use the box of the part, which needs no half turns, instead of its outline."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     shapes = [_shape(part, turn, boxes, grid.gap, grid.step) for turn in turns[:1]]
     only_along = part.size[0] > grid.tallest or (grid.grain and bool(part.member))
@@ -75,8 +75,7 @@ def _column_count(size: Floats, grid: ColumnGrid) -> int:
 
 def _columns(outline: Floats, size: Floats, grid: ColumnGrid) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, moved outwards by half of the gap.
-    Sides move by the corners of a regular polygon around the circle with half the gap as its radius.
-    """
+    Sides move by the corners of a regular polygon around a circle whose radius is half of the gap."""
     reach = grid.gap / 2
     count = 16
     angle = np.arange(count) * 2 * np.pi / count
@@ -96,7 +95,8 @@ def _shifted_points(points: Floats, ways: Floats) -> Floats:
 
 
 def _column_extremes(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of s segments p to q (s, 2), p left of q, between corners (k + 1,)."""
+    """Return the minimum or maximum (k,) of segments in each of k columns between corners (k + 1,).
+    p, q : (s, 2) ends of the segments, p left of q."""
     extremes = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(extremes) - 1)
@@ -150,8 +150,7 @@ class SheetGap:
 class OpenSheet:
     """Partly filled sheet: the used height (k,) of each of k columns (m), and the free area (m2).
     lowest  : lowest value of the skyline.    gaps : gaps below the skyline.
-    refused : length, width and area of parts without room; larger parts are not tried again.
-    """
+    refused : length, width and area of parts that did not fit; larger parts are not tried again."""
 
     size: tuple[float, float]
     skyline: Floats
@@ -164,7 +163,7 @@ class OpenSheet:
 
 def empty_sheet(size: tuple[float, float], grid: ColumnGrid) -> OpenSheet:
     """Return an empty sheet of a length and a width (m)."""
-    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may pass the edge
+    columns = int(np.ceil((size[0] - grid.gap) / grid.step))  # the last column may pass the sheet's edge
     return OpenSheet(size, np.full(columns, grid.gap / 2), size[0] * size[1], grid.gap / 2)
 
 
@@ -176,7 +175,7 @@ class _PartPlace(NamedTuple):
 
 
 def place_part(sheet: OpenSheet, turns: list[PartShape], grid: ColumnGrid) -> bool:
-    """Put a part on a sheet in one of its turns, and return whether the part has room."""
+    """Put a part on a sheet in one of its turns, and return whether the part fits."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.free_area < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False

@@ -1,9 +1,8 @@
 """The parts of a structure of planks, developed along the normals of the surface.
 
 A plank is the ruled surface P(s) + y N(s); on the axis its normal is -B. In its flat state it bends by kn in its own
-plane. In the structure it bends by kg across that plane and twists by tg. The twist makes its edges longer than drawn
-by tg^2 h^2 / 8.
-"""
+plane. In the structure it bends by kg across that plane and twists by tg. The twist makes the edges of a plank of
+depth h longer than drawn, by a strain of tg^2 h^2 / 8."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -63,10 +62,9 @@ def plank_parts(
 ) -> slots.PlankParts:
     """Return the parts of all members that are planks.
     room   : lengths and widths (m) that parts may have on the stock.
-    ground : base plane whose supports level the ends; None without supports.
+    ground : base plane; ends at its supports are cut level. None without supports.
     order  : families, from the lowest planks to the uppermost.
-    Raises PatternError if no piece fits on the stock.
-    """
+    Raises PatternError if no piece fits on the stock."""
     courses, stopped = plank_courses(graph, stock)
     vanished = vanished_courses(stopped, dict.fromkeys(stopped, stock.depth))
     courses = {name: course for name, course in courses.items() if name not in vanished}
@@ -110,8 +108,7 @@ def _reachable_crossings(
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
-    limit : strain at the material's strength; 0 if the preset has none.
-    """
+    limit : strain at the material's strength; 0 if the preset has none."""
 
     planks: slots.PlankParts
     stock: PlankStock
@@ -120,7 +117,7 @@ class PlankPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences about possible parts and impossible parts."""
+        """Sentences for the builder on the planks, and on parts that are impossible or left out."""
         return (*_bending_lines(self), *_crossing_lines(self), *_sliding_lines(self), *_omission_lines(self))
 
     @property
@@ -170,10 +167,9 @@ def plank_plan(
     order: Sequence[str] = slots.STANDING_ORDER,
 ) -> PlankPlan:
     """Return the planks of a graph, and its plates, which lie on the planks and have no holes.
-    normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
+    normals : (n, 3) at the vertices of the graph's sheet.    limit : strain at the material's strength.
     order   : families, from the lowest planks to the uppermost.
-    Raises PatternError if no piece fits on the stock.
-    """
+    Raises PatternError if no piece fits on the stock."""
     planks = plank_parts(graph, stock, room, ground, order)
     discs = [member for member in graph.members if is_plate(member)]
     over = (stock.depth + stock.thickness) / 2

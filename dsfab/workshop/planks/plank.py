@@ -23,8 +23,7 @@ EdgeStations = tuple[tuple[float, float], tuple[float, float]]
 @dataclass(frozen=True)
 class PlankStock:
     """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
-    splice : "cover", "scarf" or "none".
-    """
+    splice : "cover", "scarf" or "none"."""
 
     thickness: float
     depth: float
@@ -183,7 +182,7 @@ class Plank:
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def direction_at(self, s: float) -> Floats | None:
-        """Return the assembly direction of the piece at an arc length; None if its slots do not open."""
+        """Return the assembly direction of the piece at an arc length; None if it has none, or cannot slide on."""
         return next((d for d, (a, b) in zip(self.directions, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:

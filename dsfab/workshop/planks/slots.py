@@ -7,7 +7,7 @@
     |/            │      └────┘      │    of both planks
                   └──────────────────┘
 
-Slots are cut square to the face. Planks of thickness t that cross at an angle a need t / sin a + t / tan a.
+Slots are cut square to the face. Planks of thickness t that cross at an angle a need a width of t / sin a + t / tan a.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,8 +22,7 @@ from dsfab.workshop.parts import FlatPart
 
 SLIDE_ANGLE = float(np.radians(10.0))
 """Largest angle (radians) between the assembly direction of a piece and the normals at its nodes. Slots open by this
-angle. A plank that would need a larger angle is spliced.
-"""
+angle. A plank that would need a larger angle is spliced."""
 
 
 def largest_deviation(normals: Floats) -> float:
@@ -32,7 +31,7 @@ def largest_deviation(normals: Floats) -> float:
 
 
 def middle_direction(normals: Floats) -> Floats:
-    """Return the unit vector (3,) midway between the two of unit vectors (q, 3) that differ most."""
+    """Return the unit vector (3,) midway between those two of the unit vectors (q, 3) that form the largest angle."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     direction = normals[i] + normals[j]
     return np.asarray(direction / np.linalg.norm(direction))
@@ -51,8 +50,7 @@ class Crossing:
     members : lower plank and upper plank.    at : (2,) arc lengths of their courses (m).
     rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
     ways    : (2, 3) unit tangents of both planks, square to the normal.
-    angle   : angle between the tangents, at most 90 degrees (radians).
-    """
+    angle   : angle between the tangents, at most 90 degrees (radians)."""
 
     node: str
     members: tuple[str, str]
@@ -67,7 +65,7 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
-        """Return the lengths by which both slots open, over their height, for a unit assembly direction (3,)."""
+        """Return the `lean` of the lower and of the upper slot (see `Slot`) for a unit assembly direction (3,)."""
         along_lower, along_upper, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), direction)
         return float(along_lower / up), float(-along_upper / up)
 
@@ -75,8 +73,7 @@ class Crossing:
 @dataclass(frozen=True)
 class Slot:
     """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
-    lean : length along the plank by which the mouth opens to a side, for a metre of depth.
-    """
+    lean : widening of the slot along the plank, to one side, for each metre above its bottom."""
 
     node: str
     s: float
@@ -86,14 +83,15 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Return the beginning and end of the mouth at an edge over the axis, from the slot's middle (m)."""
+        """Return the beginning and end of the slot at the height `edge` over the axis (m).
+        Both are distances along the plank from the middle of the slot (m)."""
         widening = self.lean * abs(edge - self.y)
         return -self.half + min(widening, 0.0), self.half + max(widening, 0.0)
 
 
 @dataclass
 class PlankCrossings:
-    """Crossings with slots, and names of nodes that are too sharp for slots."""
+    """Crossings with slots, and names of nodes at which the angle is too sharp for slots."""
 
     crossings: list[Crossing] = field(default_factory=list)
     sharp_nodes: list[str] = field(default_factory=list)
@@ -120,7 +118,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = STANDING_ORDER
 ) -> PlankCrossings:
-    """Return all nodes between two planks, by their courses. order : families from the lowest to the uppermost."""
+    """Return the crossings of planks at nodes, by their courses. order : families from the lowest to the uppermost."""
     result = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
@@ -137,7 +135,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], stations: tuple[float, float]
 ) -> Crossing:
-    """Return the crossing of two planks, by steps in the plane through both tangents: P + u T + w n = Q + v U."""
+    """Return the crossing of two planks, by Newton steps u, v along the tangents T, U: P + u T + w n = Q + v U."""
     s, t = (course.wrapped_station(x) for course, x in zip(courses, stations, strict=True))
     for _ in range(5):
         (P, T, N), (Q, U, M) = ([x[0] for x in c.frame_at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -157,13 +155,12 @@ class PlankParts:
     crossings : nodes with and without slots.
     crowded   : slots that would run into a neighbouring slot, "N007 in A02".
     slide_angles : largest angle between the assembly direction and the slots, by piece (radians).
-    stuck     : angles of the pieces that do not slide on.    level_ends : number of ends cut along the ground.
+    stuck     : angles of the pieces that cannot slide on lower planks.    level_ends : number of level ends.
     shortened : members that stop before a member of their family or before a curl.
     missed_nodes : nodes that shortened members do not reach.
     vanished  : members that would be too short.
     splices_near_nodes, splice_count : number of splices near nodes, and of all splices.
-    longer    : elongation of edges by twist, by member (m).    bends : bending strain, by member.
-    """
+    longer    : elongation of edges by twist, by member (m).    bends : bending strain, by member."""
 
     order: tuple[str, ...]
     pieces: list[FlatPart] = field(default_factory=list)
