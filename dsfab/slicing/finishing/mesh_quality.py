@@ -52,9 +52,10 @@ GAIN = 1.01
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """A sheet between two steps of its improvement, and the surface `uncut` that it was cut from.
+    """A cut sheet while steps improve its cells, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) largest possible move of the stripe edges at a vertex so far, metres.
+    strayed : (n',) for each vertex, the largest distance, metres, that the edges of stripes may have moved there so
+              far.
     """
 
     sheet: Sheet
@@ -105,9 +106,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the neighbours of each vertex along lines. With two neighbours, the second is this sum less
-        the first.
-        """
+        """(n',) sum of the numbers of each vertex's neighbours along lines; of two neighbours, one gives the other."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -132,12 +131,12 @@ class CellMesh:
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """Cells (3 m',) and limits (n' + 1,): the cells around vertex v are faces[start[v] : start[v + 1]]."""
+        """Cells (3 m',), sorted by vertex, and start (n' + 1,): cells[start[v] : start[v + 1]] lie around vertex v."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Rows into `vertex` (k,), ascending, and the cells around the vertex of each row."""
+        """Return all cells around vertices (k,), and for each cell the index of its vertex in `vertex`, ascending."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -145,16 +144,16 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the marked cells (m',) of F (m', 3), with sides on lines (m', 3); `strayed` (n',) metres."""
+        """Return this mesh with the cells F (m', 3) in the mask `keep` (m',), their `sides_on` (m', 3) and
+        `strayed` (n',).
+        """
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) mask of steps that share no face with a better step; step row[i], with rank[row[i]], needs face[i] of m
-    faces.
-    """
+    """Mask (k,) of steps that change no face of a step with a lower rank; step row[i] changes face[i] of m faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -163,8 +162,8 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto their neighbours w (k,), and the distance (k,) of stripe edges from their
-    places, metres.
+    """Moves of vertices v (k,) onto neighbours w (k,), and the distance (k,), metres, by which stripe edges then
+    move.
     """
 
     v: Ints
@@ -205,9 +204,9 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """(m', 3) lines of the half-edges where cells (k,) vanish, because one of their vertices v moves onto w.
+    """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
 
-    The cell beyond the side v-x then has the side w-x, and gets its line.
+    With the third corner x, side v-x falls onto side w-x. The cell beyond v-x gets the line of either side.
     """
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
@@ -220,7 +219,9 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of new vertices away from cells with angles under 25 degrees, within all uncut faces around them."""
+    """Moves of vertices that the cut added, at material angles under 25 degrees; v's cells stay in their uncut
+    faces.
+    """
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -235,11 +236,12 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """The moves that keep the topology of all lines, and their places up to the tolerance, metres.
+    """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
 
-    A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
-    Two joints of three lines may meet along an edge between material and void, because their material stays one fan.
-    Vertices stay on the boundary of the surface."""
+    A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
+    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of
+    the surface stay on it.
+    """
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -248,7 +250,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # u is the second neighbour on the line
+    u = np.where(slides, total[v] - w, v)  # u is v's other neighbour on the line
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
     distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # smaller distances are rounding errors
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
@@ -260,7 +262,9 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """The moves that raise the smallest angle of material and do not lower that of void; and the gain, degrees."""
+    """Select moves that raise the smallest angle of material and do not lower that of void; return the gains,
+    degrees.
+    """
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -278,10 +282,9 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """(k,) True if the ends of an edge share only the neighbours across its cells: the link condition [Dey et al.
-    1999].
+    """Mask (k,) of moves v -> w whose only common neighbours are opposite vertices of edge v-w [Dey et al. 1999].
 
-    It also excludes triangles of lines that would close.    row, F : the cells around each v.
+    Moves that would close a triangle of three lines are excluded, too.    row, F : the cells around each v.
     """
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
@@ -295,12 +298,12 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
 
 
 def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
-    r"""Flip edges once to raise the smaller smallest angle of two cells; return also the number of flips.
+    r"""Flip edges once, where the smallest angle of both cells together grows; return also the number of flips.
 
       c            c
-     /|\\          / \\       Only between cells of the same family and face: across faces of a curved surface a flip
+     /|\          / \        Only between cells of the same family and face: across faces of a curved surface a flip
     a | b   ->   a---b      would change its shape.
-     \\|/          \\ /
+     \|/          \ /
       d            d
     """
     h, g = cut.surface.edges.pairs.T

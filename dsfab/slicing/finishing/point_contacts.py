@@ -48,8 +48,8 @@ class PinchResult:
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
-    Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
-    take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
+    After up to three rounds of discs, cuts at min(radius, 0.4 edge length) around the remaining pinches follow. Joined
+    cells take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
     remain.
@@ -116,7 +116,9 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """The pinches in groups without common edges, because the linear distance would be zero all along such an edge."""
+    """Divide pinches into groups without edges inside a group: along such an edge the interpolated distance would
+    be 0.
+    """
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -126,7 +128,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge), so that no cuts meet."""
+    """(n',) a field, 0 at pinches, whose level `radius` cuts the edges from pinches at min(radius, 0.4 edge length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -154,7 +156,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """(c,) the inside polygons that are connected to a pinch, without nearby folds of the surface."""
+    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near it in space."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 
