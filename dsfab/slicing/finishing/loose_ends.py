@@ -21,8 +21,7 @@ class Tidy:
     striped : for each field True if it draws stripes; material of a field without stripes stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None; an opening over which the mean value is positive becomes material.
-    """
+    closed  : for each field (n,) values or None; an opening over which the mean value is positive becomes material."""
 
     striped: tuple[bool, ...]
     astray: tuple[Bools | None, ...]
@@ -33,9 +32,7 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Mask (c,) of stripes of field k that touch a blank or `astray` face, so that later fields must divide
-        them.
-        """
+        """Mask (c,) of stripes of field k that touch a blank or `astray` face; later fields must divide them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
@@ -56,8 +53,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     """Make openings material by field values; return also their number.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
-             with a positive mean over its area. Of nearly equal openings, all or none become material.
-    """
+             with a positive mean over its area. Of nearly equal openings, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
@@ -81,9 +77,7 @@ CROSSING, KEPT, NODE = -1, -2, -3
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes that run across their direction, then parts that lead nowhere; return also their
-    number.
-    """
+    """Remove parts of stripes that run across their direction, then dead ends; return also their number."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -106,9 +100,7 @@ def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Divide polygons at crossings and `nodes`: the part (c,) of each polygon, masks (p,) of void and of permanent
-    parts.
-    """
+    """Divide polygons at crossings and `nodes`: part (c,) of each polygon, masks (p,) of void and permanent parts."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -126,8 +118,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
     """Masks (c,) of removed polygons and dead ends, and of pieces that the removal cuts off from supports and edges.
 
     stays : (p,) permanent parts. After dead ends are removed, a remaining part with a single neighbour is as short as
-    wide. It joins this neighbour, and the search for dead ends repeats.
-    """
+    wide. It joins this neighbour, and the search for dead ends repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -153,8 +144,7 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
     """Make void polygons material where stripes meet in faces without a phase; return also the number of polygons.
 
-    fields, levels : those of the cut, in order; only a `CornerField` has faces without a phase.
-    """
+    fields, levels : those of the cut, in order; only a `CornerField` has faces without a phase."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -191,8 +181,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     """Polygons (q,) of the mask `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
     An end between two vertices of a side has a unique negative number. In a mirrored pattern, middle lines run through
-    vertices. Faces on both sides find such an end, but the vertex number shows that it is a single end.
-    """
+    vertices. Faces on both sides find such an end, but the vertex number shows that it is a single end."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -241,9 +230,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3) into the part between its sides with neighbours, which comes first, and free
-    corners.
-    """
+    """Divide a convex polygon X (s, 3): first the part between its sides with neighbours, then its free corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners stay
     marked = has_neighbour | np.roll(has_neighbour, 1)

@@ -17,8 +17,7 @@ class Quality(NamedTuple):
     """Shape of triangles.
 
     worst_angle : the smallest angle, degrees, at `place` (3,).    needles : the share of triangles under 1 degree.
-    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997].
-    """
+    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997]."""
 
     worst_angle: float
     place: Floats
@@ -54,9 +53,7 @@ GAIN = 1.01
 class CellMesh:
     """A cut sheet while steps improve its cells, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) for each vertex, the largest distance, metres, that the edges of stripes may have moved there so
-              far.
-    """
+    strayed : (n',) largest distance, metres, that the edges of stripes at each vertex may have moved so far."""
 
     sheet: Sheet
     uncut: Surface
@@ -144,9 +141,7 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return this mesh with the cells F (m', 3) in the mask `keep` (m',), their `sides_on` (m', 3) and
-        `strayed` (n',).
-        """
+        """Return this mesh with new cells F (m', 3), those in the mask `keep`, their `sides_on` and `strayed` (n',)."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
@@ -162,9 +157,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,), and the distance (k,), metres, by which stripe edges then
-    move.
-    """
+    """Moves of vertices v (k,) onto neighbours w (k,), and the distance (k,), metres, that stripe edges move then."""
 
     v: Ints
     w: Ints
@@ -206,8 +199,7 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
 
-    With the third corner x, side v-x falls onto side w-x. The cell beyond v-x gets the line of either side.
-    """
+    With the third corner x, side v-x falls onto side w-x. The cell beyond v-x gets the line of either side."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -219,9 +211,7 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices that the cut added, at material angles under 25 degrees; v's cells stay in their uncut
-    faces.
-    """
+    """Moves of vertices that the cut added, at material angles under 25 degrees; cells stay in their uncut faces."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -239,8 +229,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
 
     A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
-    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of
-    the surface stay on it.
+    vertices in which three lines meet may join along an edge between material and void. Boundary vertices stay on it.
     """
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
@@ -262,9 +251,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """Select moves that raise the smallest angle of material and do not lower that of void; return the gains,
-    degrees.
-    """
+    """Select moves that raise the smallest angle of material, and not lower that of void; return gains in degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -284,8 +271,7 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
     """Mask (k,) of moves v -> w whose only common neighbours are opposite vertices of edge v-w [Dey et al. 1999].
 
-    Moves that would close a triangle of three lines are excluded, too.    row, F : the cells around each v.
-    """
+    Moves that would close a triangle of three lines are excluded, too.    row, F : the cells around each v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -338,8 +324,7 @@ class ImprovedSheet:
 
     sheet         : all cells, material and void.      flips, collapses : their numbers.
     before, after : the shape of the material's cells.
-    strayed       : largest move of the edges of stripes, metres.
-    """
+    strayed       : largest move of the edges of stripes, metres."""
 
     sheet: Sheet
     flips: int
@@ -367,10 +352,8 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
     the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes an angle that
-    is
-    smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
-    Otherwise its area changes by less than the tolerance times the length of its edges.
-    """
+    is smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
+    Otherwise its area changes by less than the tolerance times the length of its edges."""
     cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
     for _ in range(40):  # most sheets need under ten rounds

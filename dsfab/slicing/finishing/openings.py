@@ -22,8 +22,7 @@ NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it.
 
 Crowded members are designed as wide as the openings between them; on flat triangles their width is right to some
-percent.
-"""
+percent."""
 CRUMB, SEVERAL = 0.35, 8
 """CRUMB is the largest size of a crumb, as a share of the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
@@ -35,8 +34,7 @@ class Openings:
     """Enclosed openings of a sheet, and openings that the edge of the surface cuts; see `openings_of`.
 
     void  : void cells (f,) of these openings.    material : all material cells.
-    label : (f,) the opening of each void cell.    count : number of openings.
-    """
+    label : (f,) the opening of each void cell.    count : number of openings."""
 
     void: SheetPart
     material: SheetPart
@@ -66,13 +64,9 @@ class Openings:
         """(o,) width of each opening over the width of the narrower member beside it, as the median along its walls.
 
         A wall counts if it has an opposite wall. If under 5 % of the walls have one, as in a triangle, the square of
-        equal
-        area gives the width. From 5 to 25 %, the result is a weighted harmonic mean of both. The width is at least
-        half of
-        4 area / perimeter, the width of a long slit. The ratio is infinite without members, and at the edge of the
-        surface
-        for openings with few opposite walls.
-        """
+        equal area gives the width. From 5 to 25 %, the result is a weighted harmonic mean of both. The width is at
+        least half of 4 area / perimeter, the width of a long slit. The ratio is infinite without members, and at the
+        edge of the surface for openings with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -99,9 +93,7 @@ class Openings:
         """Mask (o,) of slits in places where members are denser than usual.
 
         In a dense pattern all openings are narrower than members, and closing all would change the structure. So the
-        limit
-        on `narrowness` falls with its median, see `CROWDING`.
-        """
+        limit on `narrowness` falls with its median, see `CROWDING`."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
@@ -125,9 +117,7 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening along each crossing line over that of the narrower member beside it; NaN
-        without members.
-        """
+        """(k,) width of the opening along each crossing line over that of the narrower member beside it, or NaN."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -141,8 +131,7 @@ class Openings:
     def _member_widths(self) -> Floats:
         """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN elsewhere.
 
-        Material broader than 2.5 medians consists of several members and counts with the median.
-        """
+        Material broader than 2.5 medians consists of several members and counts with the median."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -192,8 +181,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
     The size of an opening is its median width along the walls, limited to between half and all of 4 area / perimeter,
-    because a triangle with a long tip has opposite walls in the tip only.
-    """
+    because a triangle with a long tip has opposite walls in the tip only."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
@@ -211,10 +199,8 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """Make every opening that is far smaller than most openings material; return also their number.
 
     Only enclosed openings count, and their size is 4 area / perimeter. An opening 2.5 times as wide as the members
-    beside
-    it stays, because material there would be a plate between thin members. Of nearly equal openings, all or none become
-    material. Crumbs arise between crowded members, and where a member cuts a corner off an opening.
-    """
+    beside it stays, because material there would be a plate between thin members. Of nearly equal openings, all or none
+    become material. Crumbs arise between crowded members, and where a member cuts a corner off an opening."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -251,8 +237,7 @@ class Strip:
     """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
     middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width,
-             metres.
-    """
+             metres."""
 
     cells: Ints
     family: int
@@ -294,8 +279,7 @@ def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = S
     """Make strips, and small openings that they cut off, material; return also the number of strips.
 
     One call makes as many strips as possible.
-    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`.
-    """
+    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_fill_strips(cells, strips, snap), cells.surface.n, width), len(strips)

@@ -4,8 +4,7 @@
     . . . .  x . . . .            becomes material
      void    . material
 
-The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit.
-"""
+The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -26,8 +25,7 @@ Rule = Literal["join", "split"]
 DISC_ROUNDS = 3
 """Most rounds of discs, because a disc can make a new pinch where it meets a second stripe."""
 CORNER_ROUNDS = 2
-"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent
-pinches.
+"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent pinches.
 """
 
 
@@ -37,8 +35,7 @@ class PinchResult:
 
     sheet       : all cells, material and void.
     count       : number of discs and corner cuts; for 0 the sheet did not change.
-    area_change : change of the material area, square metres: positive for "join", negative for "split".
-    """
+    area_change : change of the material area, square metres: positive for "join", negative for "split"."""
 
     sheet: Sheet
     count: int
@@ -53,8 +50,7 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
     remain.
-    "join" cannot mend a place where the surface touches itself in a vertex.
-    """
+    "join" cannot mend a place where the surface touches itself in a vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -116,9 +112,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """Divide pinches into groups without edges inside a group: along such an edge the interpolated distance would
-    be 0.
-    """
+    """Divide pinches into groups without edges inside a group, because the linear distance would be 0 along an edge."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])

@@ -27,8 +27,7 @@ LONG, THIN, FAR = 1.5, 0.5, 4.0
 class Spike(NamedTuple):
     """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
 
-    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres.
-    """
+    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres."""
 
     outline: Ints
     cells: Ints
@@ -84,8 +83,7 @@ def _member_width(cells: Sheet) -> float:
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
     """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`: number of walls and metres from the
-    tip.
-    """
+    tip."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -99,8 +97,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
     """The tooth with the outline `stretch` (k,) of walls; None if it has no shape of a tooth. width : of members,
-    metres.
-    """
+    metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]

@@ -25,8 +25,7 @@ class FairBar:
 
     cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
     across, normal : (3,) unit vectors.    half : (2,) half-widths at both ends, metres.
-    bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left.
-    """
+    bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
 
     cells: Bools
     ends: Floats
@@ -38,9 +37,7 @@ class FairBar:
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
         """Return the straight bar in place of polygons (c,), as wide as its narrower contact. Return None without two
-        contacts
-        that are nearly square to the bar.
-        """
+        contacts that are nearly square to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -58,8 +55,7 @@ class FairBar:
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
         """Return the bar with the bow and the half-widths that fit its walls by least squares; None if steep or too
-        thin.
-        """
+        thin."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
@@ -103,8 +99,7 @@ class FairBar:
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
         """Position (k,) of points X (k, 3) along the bar, 0 to 1, and their distance (k,) to the left of its axis,
-        metres.
-        """
+        metres."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
@@ -146,8 +141,7 @@ UNEVEN = 0.12
 """Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width."""
 FAR = 1.5
 """Bars stay if their outline is farther from the new outline than this share of their width.
-Such bars bend in another way, or a further member touches them.
-"""
+Such bars bend in another way, or a further member touches them."""
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
@@ -161,8 +155,7 @@ def with_straight_bars(
 
     surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
-    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches it.
-    """
+    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches it."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -189,8 +182,7 @@ def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tid
     """New shapes of bars that do not overlap: nodes (c,) with stripes that touch them, and stripes near singular
     points.
 
-    A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end.
-    """
+    A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -217,8 +209,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace `bar` (c,) by its new shape, or return None if its area changes much; return the old polygon of each
-    (c',).
-    """
+    (c',)."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -9,8 +9,7 @@ are a bar across one opening, or a hook beside a member, with a lump at the node
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without stubs one opening remains. The size of an opening is its 4 area / perimeter, divided by the median of all.
-"""
+Without stubs one opening remains. The size of an opening is its 4 area / perimeter, divided by the median of all."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,8 +38,7 @@ TURN = float(np.radians(110))
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
     """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
-    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected.
-    """
+    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -68,8 +66,7 @@ class _Bars:
     area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
     pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if the bar may go: without it the material stays connected and gets no new end.
-    """
+    cut     : (b,) True if the bar may go: without it the material stays connected and gets no new end."""
 
     label: Ints
     area: Floats
@@ -117,9 +114,8 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """Size (count,) of the opening that remains if the bars of a group are removed. group : (b,) of each bar,
-        -1 stays.
-        """
+        """Size (count,) of the opening that remains if the bars of a group are removed. group : (b,) of each bar, -1
+        stays."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -139,9 +135,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """Sizes (b,) of the smallest and of the largest opening beside each bar; inf and 0 for a bar without
-        openings.
-        """
+        """Sizes (b,) of the smallest and of the largest opening beside each bar; inf and 0 if there is none."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -174,9 +168,8 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups; bars at the same opening
-        share a group.
-        """
+        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups; bars at the same opening share a
+        group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -187,8 +180,7 @@ class _Bars:
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
     """Mask (b,) of bars whose neighbours are one connected piece if all bars are removed.
 
-    contact_sides : (h,) sides between a bar and other material.
-    """
+    contact_sides : (h,) sides between a bar and other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -196,9 +188,7 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Largest turn (b,), radians, of the outline that remains at the contacts of each bar. side : (s,) those
-    contacts.
-    """
+    """Largest turn (b,), radians, of the remaining outline at the contacts of each bar, sides `side` (s,)."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]

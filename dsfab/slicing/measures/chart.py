@@ -48,8 +48,7 @@ class Chart:
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that was divided by `halve_lines`.
 
-    phases : both fields, for instance before snapping; default: the snapped fields, which fit the openings.
-    """
+    phases : both fields, for instance before snapping; default: the snapped fields, which fit the openings."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -67,8 +66,7 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
     """Group rows with equal key (k,) and equal numbers (k, r). Return the first row of each group, and each row's
-    group.
-    """
+    group."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sorting these few rows is enough
@@ -105,8 +103,7 @@ class StripeChart:
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
     d       : (n, 2) half-widths, in periods.
     known   : (m, 2) faces with a phase; other faces have no stripes.
-    kept    : (n,) positive in the other material.
-    """
+    kept    : (n,) positive in the other material."""
 
     surface: Surface
     z: Floats
@@ -148,9 +145,8 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Mask (m,) of faces on which the phase of family k is not constant: over the size of the surface it grows
-        by 1e-9.
-        """
+        """Mask (m,) of faces on which the phase of family k is not constant: over the size of the surface it grows by
+        1e-9."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -212,8 +208,7 @@ class StripeMiddles:
     face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end
            nodes.
     copy : (s,) True for a piece along an edge that equals a piece of the neighbouring face.
-    edge : (j,) True for nodes on the boundary of the surface.
-    """
+    edge : (j,) True for nodes on the boundary of the surface."""
 
     drawn: StripeChart
     k: int
@@ -232,8 +227,7 @@ class StripeMiddles:
     @cached_property
     def length(self) -> Floats:
         """Length (s,) of each piece, metres. Two equal pieces, from the faces on both sides of an edge, count half
-        each.
-        """
+        each."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -269,8 +263,7 @@ class _Pieces(NamedTuple):
     """Pieces (s,) of middle lines: face, whole number of the phase, and the two places (s, 2) where a piece meets the
     sides.
 
-    Places 0 to 2 are the face's corners; place 3 + c is inside the side that begins at corner c.
-    """
+    Places 0 to 2 are the face's corners; place 3 + c is inside the side that begins at corner c."""
 
     face: Ints
     line: Ints
@@ -306,9 +299,7 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Barycentric coordinates (s, 3) of the point with z = 0 at a place of `_Pieces.slot`; z (s, 3) are corner
-    values.
-    """
+    """Barycentric coordinates (s, 3) of the points with z = 0 at places `slot` (s,); z (s, 3) are corner values."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -322,8 +313,7 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
     """Node (s, 2) at each end of a piece, and mask (j,) of nodes on the boundary of the surface.
 
-    Nodes at vertices have the first numbers; nodes on edges follow in their order along each edge.
-    """
+    Nodes at vertices have the first numbers; nodes on edges follow in their order along each edge."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

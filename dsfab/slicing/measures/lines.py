@@ -22,8 +22,7 @@ class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
 
     The curve is the number of the sheet's line. All levels of field k count as one curve, -1 - k, because they meet at
-    tips only. The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
-    """
+    tips only. The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -44,8 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 def outline_corners(sheet: Sheet) -> Floats:
     """Vertices (k, 3), metres, of a material sheet's outline where two curves meet, at any angle.
 
-    A fillet is one curve, so only its two ends are such vertices.
-    """
+    A fillet is one curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -63,8 +61,7 @@ class Spans(NamedTuple):
     """Parts (p,) of segments that lie on cells of a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) a part and a cell that it crosses, for each such pair.
-    """
+    of_pair, cell : (q,) a part and a cell that it crosses, for each such pair."""
 
     segment: Ints
     begin: Floats
@@ -80,8 +77,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
     face        : (v,) the chart's face of each view.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
     segment     : (v,) number of the segment.
-    F           : (m, 3) the uncut faces.
-    """
+    F           : (m, 3) the uncut faces."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
     ends = view_ends @ corners  # barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
@@ -105,9 +101,8 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin if there
-    is none.
-    """
+    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin if there is
+    none."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -138,8 +133,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 class Middle(NamedTuple):
     """A middle line of a member: points (k, 3), metres, and its line number; if this changes, that of the greatest
-    length.
-    """
+    length."""
 
     number: int
     points: Floats
@@ -152,8 +146,7 @@ class Chords:
     link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
     of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
     number : (v,) number of the line among the finest lines.
-    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face.
-    """
+    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face."""
 
     link: Ints
     point: Floats
@@ -225,8 +218,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
     passing    : families of members that cross these members. A line that lies only in cells of such families is left
-                 out.
-    """
+                 out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -248,8 +240,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
     """Nodes (p, 2) of the parts of segments, and the points of all nodes, metres. At most two parts share a node.
 
-    An end that was cut gets a node of its own, and so does each end where more than two segments meet.
-    """
+    An end that was cut gets a node of its own, and so does each end where more than two segments meet."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -284,8 +275,7 @@ class CornerLines(NamedTuple):
 
 Phase = Floats | CornerLines | None
 """Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
-stripes.
-"""
+stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
@@ -294,8 +284,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
     names  : of the fields of the cut; a cell's `family` is an index into them.
     phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. If phases are given at
              corners, k may change along a line, and the line gets the number of its greatest length.
-    Together the lines are the boundary of the sheet, each edge once, with the material on the left.
-    """
+    Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
@@ -355,9 +344,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 
     phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Without a member (d = 0)
     there is no middle line. Both fields are linear in each cell of the sheet, so the lines are exact and end at the
-    edges
-    of the sheet.
-    """
+    edges of the sheet."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -371,8 +358,7 @@ def chart_lines(
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
     names      : of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods of the drawn lines.
-    """
+    half_width : (n,) on the uncut surface, in periods of the drawn lines."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)

@@ -9,8 +9,7 @@ Here the cells of the sheet are also divided along the edges of the later fields
 -----+     +-----    -----+-----+-----
      |     |              |     |
 
-Material that finishing added (fillets, bridges, filled openings) belongs to no stripe.
-"""
+Material that finishing added (fillets, bridges, filled openings) belongs to no stripe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -40,8 +39,7 @@ class DrawnBand:
     field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : the middle line of a stripe lies where the mean of both columns is its level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`.
-    """
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
 
     family: str
     field: CornerField | Floats
@@ -91,8 +89,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     bands : one for each field of the cut, in order.
     snap  : snap fraction of hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed this stripe.
-    """
+    A stripe that made no cell material is left out, because finishing removed this stripe."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -136,8 +133,7 @@ class _BandOnCells:
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
     number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.    blank : (m,) triangles without
-    values.
-    """
+    values."""
 
     F: Ints
     z: Floats
@@ -177,8 +173,7 @@ class _BandOnCells:
         """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
 
         A zero becomes a tiny number, with the same sign in all triangles at its vertex, so that every line crosses
-        triangles.
-        """
+        triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0

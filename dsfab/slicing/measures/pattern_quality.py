@@ -31,8 +31,7 @@ class Bays:
     piece  : (b,) the piece of `middles` that each part belongs to.    at : (b, 3) barycentric coordinates of its
              middle.
     length : (b,) metres of each part.    bay : (b,) the bay of each part, of `count`.
-    angle  : (c,) degrees between members at crossings, except in material other than stripes.
-    """
+    angle  : (c,) degrees between members at crossings, except in material other than stripes."""
 
     middles: StripeMiddles
     piece: Ints
@@ -44,9 +43,7 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """Length (b,), metres, of parts outside members of the other family and material other than stripes; 0
-        inside.
-        """
+        """Length (b,), metres, of each part; 0 inside members of the other family and material other than stripes."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
@@ -75,8 +72,7 @@ class Bays:
 
 def bays(middles: StripeMiddles) -> Bays:
     """Divide the middle lines of a family where the other family's phase, which is linear on a piece, is a whole
-    number.
-    """
+    number."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -110,9 +106,8 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part. Parts that meet at a node belong to one bay, unless it is in
-    `barrier` (j,).
-    """
+    """Number of bays, and the bay of each part. Parts that meet at a node belong to one bay, unless it is in `barrier`
+    (j,)."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -148,8 +143,7 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
     along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
     deviation  : (m,) degrees between members and this direction.
-    confidence : (m,) clarity of the direction, 0 to 1.
-    """
+    confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
     clear = confidence[middles.face] > 0.25  # else principal stresses differ by under 10 % of their RMS
@@ -184,8 +178,7 @@ class Arms(NamedTuple):
     """Strips of material that leave a ball around a place of a sheet.
 
     direction : (a, 3) unit vectors towards the strips. Material all around the ball gives two arms with zero vectors.
-    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across.
-    """
+    normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
 
     direction: Floats
     normal: Floats
@@ -209,8 +202,7 @@ class Arms(NamedTuple):
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     """Return the arms of a sheet around the ball of `radius` metres at a place (3,); none without a vertex in the ball.
 
-    Faces that are large compared with the ball are divided first.
-    """
+    Faces that are large compared with the ball are divided first."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
     inside = distance < radius
@@ -242,8 +234,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
     """Faces that the ball may reach, divided until edges are at most half its radius. Without such faces, the whole
-    sheet.
-    """
+    sheet."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -278,11 +269,9 @@ class FamilyQuality:
     off        : share of these weights where members deviate by more than 30 degrees.
     dead_ends  : see `dead_ends`.
     slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
-                 bays
-                 (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
+                 bays (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
     slit_share : share of the length of members beside such an opening.
-    drawn      : False without members; then all numbers are 0.
-    """
+    drawn      : False without members; then all numbers are 0."""
 
     spacing: Quantiles
     opening: Quantiles
@@ -313,8 +302,7 @@ class PatternQuality:
     crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without symmetries.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
-    """
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -369,8 +357,7 @@ def pattern_quality(
 
     stress     : (m, 2) principal stresses along the major and the minor members.
     direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these directions, 0 to 1.
-    guided     : (m,) faces where members follow a guide, so that turning back is no fault; default none.
-    """
+    guided     : (m,) faces where members follow a guide, so that turning back is no fault; default none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -15,8 +15,7 @@ class FarEnds(NamedTuple):
     """Far ends, on the boundary, of lines (k,) that measure widths.
 
     edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
-    slope  : cosine between line and half-edge.    length : metres of the line.
-    """
+    slope  : cosine between line and half-edge.    length : metres of the line."""
 
     edge: Ints
     place: Floats
@@ -29,9 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines that cross triangles one by one: number, half-edge of entry, metres along it, direction, and length so
-    far.
-    """
+    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length so far."""
 
     number: Ints
     edge: Ints
@@ -47,8 +44,7 @@ class _Lines(NamedTuple):
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
     """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
 
-    reach : metres; longer lines need no end.
-    """
+    reach : metres; longer lines need no end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # the twin runs in the opposite direction
     count = len(start)
@@ -90,8 +86,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 def _frames(surface: Surface) -> Floats:
     """For each half-edge (3 m, 7): its length, and in its frame the opposite corner and the other sides' unit
-    directions.
-    """
+    directions."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -117,8 +112,7 @@ class Crossings:
     width  : (k,) metres, the shortest distance from a line's start to the edge at which the line ends.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
     weight : (k,) length of the starting edge, metres, for the line from its middle; 0 for its other lines.
-    walls  : (k, 2) the edges of the surface at both ends of the line.
-    """
+    walls  : (k, 2) the edges of the surface at both ends of the line."""
 
     width: Floats
     place: Floats
@@ -151,8 +145,7 @@ def crossings(
     surface : an edge-manifold sheet.    walls : (e,) the boundary edges that are walls; lines that end elsewhere are
               left out.
     start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
-    tips    : if True, lines in tips count.    reach : metres; longer lines may be left out.
-    """
+    tips    : if True, lines in tips count.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
@@ -195,9 +188,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
             half-edge.
 
     In a wedge of angle a, the tip is w / (2 tan(a / 2)) away from a line of length w. The two walls from the line to
-    the
-    tip have twice this length in sum. In a real tip the wall length is 0.4 to 1.7 times this sum.
-    """
+    the tip have twice this length in sum. In a real tip the wall length is 0.4 to 1.7 times this sum."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -217,8 +208,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
     """Loop of each boundary half-edge (3 m,), metres along the loop to its middle, True if it has the loop's direction.
 
-    Returns also the length of each loop. The faces need no common orientation.
-    """
+    Returns also the length of each loop. The faces need no common orientation."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -236,8 +226,7 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) from its ends (e, 2), the edges in their order along the loops, and the number of
-    loops.
-    """
+    loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the end by which a walk leaves the next edge
@@ -282,8 +271,7 @@ class Features:
     member : the narrowest member, also between two openings that nearly meet.
     gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
-    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents.
-    """
+    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents."""
 
     member: Feature | None
     gap: Feature | None
@@ -299,8 +287,7 @@ class Features:
         """(b + 1,) limits of the bins from 0, metres, and (b,) the share of the wall length in each; both may be empty.
 
         limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians.
-                Otherwise broad plates at a crown or a foot would push all members into one bin.
-        """
+                Otherwise broad plates at a crown or a foot would push all members into one bin."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -335,8 +322,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
-    round for such lines count with 4 area / perimeter, the diameter of the circle in a triangle or a square.
-    """
+    round for such lines count with 4 area / perimeter, the diameter of the circle in a triangle or a square."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -355,9 +341,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Mask (m',) of material cells of `cells` that are in `sheet`, which lacks some connected pieces of the
-    material.
-    """
+    """Mask (m',) of the material cells that `sheet` contains; it lacks some connected pieces of the material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
