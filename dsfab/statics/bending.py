@@ -85,7 +85,7 @@ def moment_loads(surface: Surface) -> Floats:
     edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (m, half-edge, corner) hat slopes along m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes of hats along m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(

@@ -61,9 +61,9 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move. scale : (N,) 1 /
-    square
-    root of their diagonal entries. solve : the function b -> inner^-1 b."""
+    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move.
+    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> inner^-1 b.
+    """
 
     K: csr_array
     free: Ints
@@ -117,7 +117,7 @@ class FactorCache:
         for matrix, earlier_held, factor in self._kept:
             if _equal_matrices(matrix, K) and np.array_equal(earlier_held, is_held):
                 return factor
-        del self._kept[: len(self._kept) + 1 - self._count]  # frees memory for the next factor
+        del self._kept[: len(self._kept) + 1 - self._count]  # deleting first leaves memory for the next factor
         self._kept.append((K, is_held.copy(), stiffness_factor(surface, K, is_held)))
         return self._kept[-1][2]
 

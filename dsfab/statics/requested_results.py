@@ -22,9 +22,10 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet, beyond the results that cost almost nothing.
+    """Requested results of a sheet that cost time; other results are always given.
     strength : Pa, compared with the largest stress; 0 for no comparison. frequencies : number of natural frequencies.
-    buckling : number of load factors."""
+    buckling : number of load factors.
+    """
 
     strength: float = 0.0
     frequencies: int = 0
@@ -39,12 +40,14 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the input if it is verified (`REPORTED`), else the pair for stress.
-        Without a request, the input elements also give stress and energy."""
+        """Return the elements for the results: the given elements if they are verified (`REPORTED`), else those for
+        stress.
+        Without a request, the given elements also compute stress and energy.
+        """
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness, with a cache if the modes need the factor again."""
+        """Return the function that factorises the stiffness: a cache if the modes use the same factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -53,11 +56,12 @@ class Answers:
     """Results of a sheet under one load.
 
     elements    : elements that solved the sheet (without bending if it was solved in its plane).
-    equilibrium : solution by these elements; that of the statics if it has the same elements.
+    equilibrium : solution by these elements: the design's own solution if it has the same elements.
     stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
-    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''."""
+    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''.
+    """
 
     elements: Elements
     equilibrium: Equilibrium

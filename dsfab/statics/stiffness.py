@@ -44,11 +44,13 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
+    """K = sum over the faces of s_f K_f on the free unknowns. Elements: constant strain, and mid-edge bending if not
+    plane.
     blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is fixed.
-    places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
-    springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
-    force  : (count, k) newtons."""
+    places : (nnz, m) matrix from factors s (m,) to the nonzero values of K.     indices, indptr : K's sparse pattern.
+    springs : (nnz,) values of the supports' springs.    points, node : points, and the point of each free unknown.
+    force  : (count, k) newtons, of each load.
+    """
 
     blocks: Floats
     unknown: Ints
@@ -96,8 +98,10 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face factors (m,), with the analysis of an `earlier` factor.
-        Raises StaticsError for a mechanism."""
+        """Return the factor of K for factors `scale` (m,) on faces; an `earlier` factor, with the same pattern, saves
+        time.
+        Raises StaticsError for a mechanism.
+        """
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

@@ -77,11 +77,12 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
     frame  : (m, 2, 3) of each face, for the components.
     values : (m, 3 corners, 3) tensors before averaging.
-    sided  : true if values change sign with the side that the normal points to, as bending does.
+    sided  : true if values change their sign with the face's normal, as bending does.
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
-    preserves values that means of faces miss. On curved sheets it removes the bending of each flat face by its own
-    load, which is large at corners and cancels around a vertex. Across folds the mean of the face stays."""
+    keeps values that are lost in means of faces. On curved sheets it removes the bending of each flat face by its own
+    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean.
+    """
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -161,7 +162,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # one copy is enough
+            if getattr(self, smooth) is values:  # both share one array
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))

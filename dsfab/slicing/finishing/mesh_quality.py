@@ -141,7 +141,7 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return this mesh with new cells F (m', 3), those in the mask `keep`, their `sides_on` and `strayed` (n',)."""
+        """Return the mesh with those cells F (m', 3) that `keep` (m',) marks, and their `sides_on` and `strayed`."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
@@ -284,7 +284,7 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
 
 
 def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
-    r"""Flip edges once, where the smallest angle of both cells together grows; return also the number of flips.
+    r"""Flip edges once where this raises the smallest angle of two neighbouring cells; return also the number of flips.
 
       c            c
      /|\          / \        Only between cells of the same family and face: across faces of a curved surface a flip

@@ -145,8 +145,7 @@ class StripeChart:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """Mask (m,) of faces on which the phase of family k is not constant: over the size of the surface it grows by
-        1e-9."""
+        """Mask (m,) of faces on which the phase of family k grows, by at least 1e-9 periods over the surface's size."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property

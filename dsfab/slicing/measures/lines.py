@@ -159,9 +159,8 @@ class Chords:
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
         """Return the segments of a family in faces with a phase and with a half-width (n,) above 0 at all corners.
 
-             |                  A whole number k between the values at a face's corners gives a segment from side to
-             side,
-        ---o-+-o---  k          or from a corner. If two corners have the value k, the segment is the side between them.
+             |                  A whole number k between the values at a face's corners gives a segment between two
+        ---o-+-o---  k          sides or from a corner. If two corners have the value k, the side between is a segment.
              |
         """
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
@@ -267,7 +266,7 @@ STRIPES = ("major", "minor")
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes, given at corners of faces, and its values (k,) on the middles of stripes."""
+    """A field of evenly spaced stripes, given at corners of faces, and its levels (k,) at the middles of stripes."""
 
     field: CornerField
     levels: Floats

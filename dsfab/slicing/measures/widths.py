@@ -188,7 +188,7 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
             half-edge.
 
     In a wedge of angle a, the tip is w / (2 tan(a / 2)) away from a line of length w. The two walls from the line to
-    the tip have twice this length in sum. In a real tip the wall length is 0.4 to 1.7 times this sum."""
+    the tip have twice this length in sum. A line is in a tip if its walls have 0.4 to 1.7 times this sum."""
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -280,7 +280,7 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """(q,) widths, metres, below which a member is along these shares of the wall length; empty without widths."""
+        """(q,) widths, metres, that members do not exceed on these shares of the wall length; empty without widths."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
