@@ -73,8 +73,7 @@ def solve_for(
 ) -> dict[str, Equilibrium]:
     """Return `solve_cases` by the elements for a purpose in `USES`. bars : see `solve_cases`.
     A cut may leave needles, very flat triangles, for which the more accurate elements may fail. Then elements that
-    tolerate needles solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`.
-    """
+    tolerate needles solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -96,8 +95,7 @@ def solve_cases(
     spreads      : for each case, see `equilibrium`; either for all cases, or None.
     combinations : for each combination, the factor of each case; combinations follow the cases in the result.
     bars         : true to count the lower torsional stiffness of ribs with a rectangular section, see `torsion_loss`.
-    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.
-    """
+    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():
         if unknown := [case for case in factors if case not in loads]:

@@ -21,7 +21,8 @@ def hinges(surface: Surface) -> Ints:
          / \
         0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
          \ /
-          3"""
+          3
+    """
     h0, h1 = surface.edges.pairs.T
     corner = surface.F.ravel()
     ends = [corner[h0], corner[next_half_edge(h0)]]
@@ -33,9 +34,7 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
     """Return gradients (i, 4, 3), per metre, of the angles at hinges, and weights (i,): l^2 / (A1 + A2) of both faces.
 
     The opposite vertices have heights h2, h3 above the edge. If they move along the faces' normals, the angle changes
-    by
-    n2 / h2 and n3 / h3. The ends of the edge have opposite gradients, so that rigid motions do not change the angle.
-    """
+    by n2 / h2 and n3 / h3. Gradients at the ends of the edge balance these, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -58,13 +57,11 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it; one table for a
-    mesh.
+    """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
                vertices of all hinges if the elements have hinges.
     of_edge  : (e,) the pair of each edge.
-    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges.
-    """
+    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges."""
 
     n: int
     ends: Ints
@@ -118,11 +115,10 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness as 3 x 3 blocks, one for each pair of vertices; stiffnesses on the same pairs are added before
-    assembly.
+    """A stiffness as 3 x 3 blocks, one for each pair of vertices. Stiffnesses on the same pairs are added block by
+    block.
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the symmetric blocks on the diagonal, one for each vertex.
-    """
+    own     : (9, n) the symmetric blocks on the diagonal, one for each vertex."""
 
     pairs: VertexPairs
     between: Floats
@@ -130,9 +126,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Add the diagonal blocks: a shift causes no force, so each of them is minus the sum of the other blocks in
-        its row.
-        """
+        """Add the diagonal blocks, each minus the sum of the other blocks in its row, because a shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):

@@ -81,8 +81,8 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the
-    edge."""
+    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the edge.
+    """
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes of hats along m
@@ -109,8 +109,7 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The form is *decoupled*: the bubble along an
         edge's
     mean normal bends the faces, the other two bubbles stretch them. If all three were coupled, coarse thin curved
-    meshes
-    would be far too stiff."""
+    meshes would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

@@ -19,8 +19,7 @@ def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h), the median over the edges: edge length times fold angle over the thickness.
     A load on a flat face of a curved sheet bends it between its edges, as in a real polyhedron. For spheres under
     pressure and `hhj`, the largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by
-    0.05 times the number, the energy by 1.1 times its square. `midedge` elements have no unknown for this effect.
-    """
+    0.05 times the number, the energy by 1.1 times its square. `midedge` elements have no unknown for this effect."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -78,8 +77,7 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
     The normal at an edge is half way between the normals of its two faces, so each face takes half of the angle:
-    kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006].
-    """
+    kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
@@ -93,10 +91,8 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r. r is the work of unit moments on
-    each hat:
-    `dsfab.statics.bending.moment_loads` times the unknowns. Summing saves the 108 numbers of each face.
-    """
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r. r is the work of unit moments on each
+    hat, `dsfab.statics.bending.moment_loads` times the unknowns. Sums avoid the 108 numbers of each face."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

@@ -33,10 +33,8 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
     fixed   : (n, 3) fixed directions of the vertices, by supports or because the sheet is solved in its plane. Springs
-              of
-              `load` hold, too.
-    clamped : (e,) edges that do not rotate.
-    """
+              of `load` hold, too.
+    clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
     unheld = [k for k in range(count) if not load.supported[surface.F[label == k]].any()]
@@ -80,8 +78,7 @@ def _merge_hint(surface: Surface) -> str:
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
     """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
     Each motion is a shift or a rotation, and has the name of its largest component.
-    clamped : (k, 2) ends of the edges that do not rotate; a rotation vector w turns an edge of direction t by w . t.
-    """
+    clamped : (k, 2) ends of the edges that do not rotate; a rotation vector w turns an edge of direction t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -114,11 +111,9 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
     A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
-    of
-    its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges of
-    faces that are fixed in all directions do not rotate. A bubble is fixed if its direction lies mostly in fixed
-    directions: over half of its square.
-    """
+    of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
+    of faces that are fixed in all directions do not rotate. A bubble is fixed if the squares of its components in fixed
+    directions are over half of their sum."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -201,9 +196,8 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: each face's force goes to its three corners, each edge's force to its two ends,
-        equally.
-        """
+        """Return forces (n, 3), N: a third of a face's force at each of its corners, half of an edge's force at each
+        end."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))

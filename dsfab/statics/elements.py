@@ -91,8 +91,7 @@ def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
     n is the mean of both faces' normals, weighted by area. A normal that points to the other side is reversed first, so
     the order of corners does not matter. Such a mean fails for three faces on an edge, and for a fold over 145 degrees.
-    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T.
-    """
+    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)

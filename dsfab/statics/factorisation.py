@@ -62,8 +62,7 @@ class ScaledStiffness:
 @dataclass(frozen=True, eq=False)
 class Factor:
     """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move.
-    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> inner^-1 b.
-    """
+    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> inner^-1 b."""
 
     K: csr_array
     free: Ints

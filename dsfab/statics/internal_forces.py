@@ -26,8 +26,7 @@ class ShearRecovery:
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) only the corners.
     sign    : (m, 6) -1 if this face's normal is opposite to that of the first face at the unknown, which sets M's sign.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, because no shear passes them; else 0.
-    spread  : (N, N) matrix that spreads the load on each unknown over its neighbours; columns sum to 1.
-    """
+    spread  : (N, N) matrix that spreads the load on each unknown over its neighbours; columns sum to 1."""
 
     surface: Surface
     columns: Ints
@@ -38,7 +37,8 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : true if moments are linear on each face, and M is quadratic."""
+        """Return the recovery for a surface. linear : true for moments that are linear on each face; then M is
+        quadratic."""
         side_a, side_b = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
@@ -58,8 +58,7 @@ class ShearRecovery:
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
         moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
-        twist   : moments (m, 3 corners, 3); their twist m_nt acts on free edges and folds.
-        """
+        twist   : moments (m, 3 corners, 3); their twist m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # from hats and bubbles to shape functions that are 1 at a single node
@@ -118,9 +117,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Unknowns on splinters give their load to unknowns around, in proportion to the
-    area.
-    """
+    """Return `ShearRecovery.spread`. Unknowns on splinters give their load to neighbours, in proportion to the area."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -203,11 +200,11 @@ def section_forces(
     recovery : made for the same surface and the same kind of bending; many cases share it.
 
     n is the thickness times the mean stress of each face in the middle surface. m is the mean of moments that are
-    averaged
-    around each vertex. This averaging removes the bending of each flat face of a curved sheet under its own load.
+    averaged around each vertex. This averaging removes the bending of each flat face of a curved sheet under its own
+    load.
+
     q balances the moments. For Navier's plate its errors fall as h^1.5, to 0.3 % of all shear at 32 cells; slopes of
-    moments had 1.7 %. Sums over sections of cut sheets are right to 0.1 %, or to 2.5 % if ribs are narrower than a
-    face.
+    moments had 1.7 %. Sums over sections of cut sheets are right to 0.1 %, or to 2.5 % for ribs narrower than a face.
     """
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)

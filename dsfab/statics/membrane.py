@@ -55,9 +55,7 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
-    x, y = np.moveaxis(
-        POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0
-    )  # (m, 6 points), over the triangle's size
+    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
     linear = shares @ POINTS  # (m, monomial, hat): means of the products
@@ -73,9 +71,7 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), of each face that is nearest to its quadratic stress.
     strain : (m, 3 corners, 3) of the quadratic triangle. The mean stress of each element stays. So does its energy,
-             half
-             the mean product of linear stress and strain. At the edge of a hole the linear stress is more accurate.
-    """
+             half the mean product of linear stress and strain. It is more accurate at the edge of a hole."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 

@@ -199,11 +199,9 @@ def _largest_eigenpairs(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3). The
-    method is
-    Lanczos on K^-1 A with the inner product of K [Lehoucq et al. 1998, ARPACK]. K is positive on supported sheets, A
-    may
-    be anything, and only the factor of K is necessary. As in `equilibrium`, the diagonal of K scales the unknowns.
-    """
+    method is Lanczos on K^-1 A with the inner product of K [Lehoucq et al. 1998, ARPACK]. K is positive on supported
+    sheets, A may be anything, and only the factor of K is necessary. As in `equilibrium`, the diagonal of K scales the
+    unknowns."""
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None

@@ -24,8 +24,7 @@ Result = TypeVar("Result")
 class ResultRequest:
     """Requested results of a sheet that cost time; other results are always given.
     strength : Pa, compared with the largest stress; 0 for no comparison. frequencies : number of natural frequencies.
-    buckling : number of load factors.
-    """
+    buckling : number of load factors."""
 
     strength: float = 0.0
     frequencies: int = 0
@@ -40,10 +39,8 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the given elements if they are verified (`REPORTED`), else those for
-        stress.
-        Without a request, the given elements also compute stress and energy.
-        """
+        """Return the elements for the results: the given ones if they are verified (`REPORTED`), else those for stress.
+        Without a request, the given elements also compute stress and energy."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
@@ -60,8 +57,7 @@ class Answers:
     stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
-    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''.
-    """
+    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''."""
 
     elements: Elements
     equilibrium: Equilibrium

@@ -166,9 +166,9 @@ def _answer(
     compliance: float,
     residual: float,
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x. unbalanced : K x - f, K without springs, that is, the forces of all
-    supports.
-    """
+    """Return the equilibrium of unknowns x.
+
+    unbalanced : K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)

@@ -81,8 +81,7 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
     keeps values that are lost in means of faces. On curved sheets it removes the bending of each flat face by its own
-    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean.
-    """
+    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -112,8 +111,8 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite
-side."""
+"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite side.
+"""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}

@@ -30,8 +30,7 @@ def torsion_share(ratio: Floats) -> Floats:
 
 class RibShape(NamedTuple):
     """The rib around each face. widths : (m,) metres; inf on a closed sheet without openings.
-    along : (m, 3) unit vectors in the face, along the nearest border.
-    """
+    along : (m, 3) unit vectors in the face, along the nearest border."""
 
     widths: Floats
     along: Floats
@@ -87,11 +86,9 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as bars and not as a thin
-    sheet.
+    """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
     On each face D loses (1 - share) D_66 t t^T. t : kappa is the twist 2 kappa_ab between directions along and across
-    the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`.
-    """
+    the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

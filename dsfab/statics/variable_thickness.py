@@ -18,8 +18,8 @@ from dsfab.surface import LoadCase
 LEAST = 1e-4
 """Least thickness as a share of the sheet's thickness, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of
-steps."""
+"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of steps.
+"""
 
 
 class VaryingSheet(NamedTuple):
@@ -68,8 +68,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     """Return x sqrt(gain / multiplier) (m,), changed by at most `move`; the multiplier gives the area [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
-    solid : (m,) faces that stay at 1.
-    """
+    solid : (m,) faces that stay at 1."""
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)

@@ -141,14 +141,18 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the mesh with those cells F (m', 3) that `keep` (m',) marks, and their `sides_on` and `strayed`."""
+        """Return the mesh with those triangles F (m', 3) that `keep` (m',) marks.
+
+        sides_on : (m', 3) lines on the sides of all F.    strayed : (n',) new values."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """Mask (k,) of steps that change no face of a step with a lower rank; step row[i] changes face[i] of m faces."""
+    """Mask (k,) of steps that change no face of a step with a lower rank.
+
+    row, face : step row[i] changes face[i], for each i; m is the number of faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -211,7 +215,9 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of vertices that the cut added, at material angles under 25 degrees; cells stay in their uncut faces."""
+    """Moves of vertices that the cut added, from edges of material triangles with angles under 25 degrees.
+
+    A move is left out if it would take a triangle out of its uncut face."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -229,8 +235,8 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
 
     A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
-    vertices in which three lines meet may join along an edge between material and void. Boundary vertices stay on it.
-    """
+    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of the
+    surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))

@@ -47,8 +47,7 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre through both feet, and distances (k, 2) of lines from the
-        origin.
+        """Unit normals (k, 2, 2) of the lines from the centre through both feet, and their distances (k, 2) from 0.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -159,8 +158,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do not
-        turn."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners of turn 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -199,14 +197,16 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) distance, metres, from a corner of straight walls to the foot of an arc of radius 1 m; at most 170
-        degrees."""
+        """(k,) distance, metres, from a corner between straight walls to the foot of an arc of radius 1 m.
+
+        Turns over 170 degrees count as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """(k,) metres of wall before and behind each corner for its arc. Corners share a wall in the ratio of
-        `tangents`."""
+        """(k,) metres of the walls before and behind each corner that its arc may use.
+
+        The two corners of a wall share it in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:

@@ -117,7 +117,9 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) width of the opening along each crossing line over that of the narrower member beside it, or NaN."""
+        """(k,) width of the opening along each crossing line, divided by that of the narrower member beside it.
+
+        It is NaN for a line without a member beside it."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 

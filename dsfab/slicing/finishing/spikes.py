@@ -82,8 +82,7 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`: number of walls and metres from the
-    tip."""
+    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`: walls and metres from the tip."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -96,8 +95,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """The tooth with the outline `stretch` (k,) of walls; None if it has no shape of a tooth. width : of members,
-    metres."""
+    """The tooth with the walls `stretch` (k,), or None if it is no tooth. width : mean width of members, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]

@@ -54,8 +54,9 @@ class FairBar:
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the bow and the half-widths that fit its walls by least squares; None if steep or too
-        thin."""
+        """Return the bar with the bow and the half-widths that fit its walls by least squares.
+
+        Return None for a bar that is then too steep, or has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
@@ -98,8 +99,7 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """Position (k,) of points X (k, 3) along the bar, 0 to 1, and their distance (k,) to the left of its axis,
-        metres."""
+        """Position (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
@@ -179,8 +179,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """New shapes of bars that do not overlap: nodes (c,) with stripes that touch them, and stripes near singular
-    points.
+    """New shapes of bars, which do not overlap. A bar is a node with its stripes, or a stripe near a singular point.
 
     A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
@@ -208,8 +207,9 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace `bar` (c,) by its new shape, or return None if its area changes much; return the old polygon of each
-    (c',)."""
+    """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
+
+    The mesh is None if the area of the bar would change much."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

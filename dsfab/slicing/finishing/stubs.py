@@ -114,8 +114,9 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """Size (count,) of the opening that remains if the bars of a group are removed. group : (b,) of each bar, -1
-        stays."""
+        """Size (count,) of the opening that remains if all bars of a group are removed.
+
+        group : (b,) the group of each bar; bars of group -1 stay."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -151,7 +152,9 @@ class _Bars:
 
     @cached_property
     def eyelets(self) -> Bools:
-        """Mask (b,) of bars whose removal merges openings to one of good size. All bars at an opening go, or none."""
+        """Mask (b,) of bars between openings that become one opening of good size without them.
+
+        If several such bars are at one opening, all of them or none are in the mask."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -168,7 +171,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups; bars at the same opening share a
+        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups. Bars at the same opening are a
         group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
@@ -188,7 +191,9 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """Largest turn (b,), radians, of the remaining outline at the contacts of each bar, sides `side` (s,)."""
+    """Largest turn (b,), radians, of the outline that remains at the contacts of each removed bar.
+
+    side : (s,) the sides of bars that touch other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]

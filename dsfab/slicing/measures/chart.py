@@ -65,8 +65,9 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Group rows with equal key (k,) and equal numbers (k, r). Return the first row of each group, and each row's
-    group."""
+    """Group rows with equal key (k,) and equal numbers (k, r).
+
+    Return the first row of each group, and the group of each row."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
     different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sorting these few rows is enough
@@ -202,7 +203,7 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """Middle lines of the members of family k, cut into one piece for each face.
+    """Middle lines of the members of family k, in pieces: one for each face and line.
 
     face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end
            nodes.
@@ -225,8 +226,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """Length (s,) of each piece, metres. Two equal pieces, from the faces on both sides of an edge, count half
-        each."""
+        """Length (s,) of each piece, metres. On an edge, both faces may have the same piece; then each counts half."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -259,8 +259,7 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middle lines: face, whole number of the phase, and the two places (s, 2) where a piece meets the
-    sides.
+    """Pieces (s,) of middle lines: face, whole number of the phase, and the places (s, 2) of both ends in the face.
 
     Places 0 to 2 are the face's corners; place 3 + c is inside the side that begins at corner c."""
 
@@ -298,7 +297,9 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """Barycentric coordinates (s, 3) of the points with z = 0 at places `slot` (s,); z (s, 3) are corner values."""
+    """Barycentric coordinates (s, 3) of the points with z = 0; z (s, 3) are values at the corners of faces.
+
+    slot : (s,) places of the points, as in `_Pieces`."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]

@@ -71,9 +71,9 @@ class Spans(NamedTuple):
 
 
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
-    """Return the parts of segments that lie on cells of a sheet. A segment along an edge may have two views, one per
-    face.
+    """Return the parts of segments that lie on cells of a sheet.
 
+    Each row is a view of a segment from a face; a segment on an edge may have two views, one from each face.
     face        : (v,) the chart's face of each view.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
     segment     : (v,) number of the segment.
@@ -101,8 +101,7 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin if there is
-    none."""
+    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin for none."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -132,8 +131,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and its line number; if this changes, that of the greatest
-    length."""
+    """A middle line of a member: points (k, 3), metres, and its number: that of most of its length."""
 
     number: int
     points: Floats
@@ -193,7 +191,10 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """Nodes (v, 2) at corners, or on the sides that begin there unless `at_corner`; and points (nodes, 3), metres."""
+    """Nodes (v, 2) at which segments end, and points (nodes, 3), metres.
+
+    An end is a corner of the face if `at_corner`, else a point of the side that begins there, at `share` of its length.
+    """
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # vertices on both sides of a cut become one
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -216,8 +217,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families of members that cross these members. A line that lies only in cells of such families is left
-                 out."""
+    passing    : families of members that cross these members. Lines in cells of such families alone are left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)

@@ -32,8 +32,7 @@ ZERO = 2.0**-30
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut. A stripe lies where a level is between the first and the second column of the
-    field.
+    """The stripes of one field of a cut. A stripe lies where a level is between the two columns of the field.
 
     family : name; fields of the same family do not cross each other.
     field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
@@ -132,8 +131,8 @@ class _BandOnCells:
 
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
     number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
-    sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.    blank : (m,) triangles without
-    values."""
+    sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
+    blank : (m,) mask of triangles without values."""
 
     F: Ints
     z: Floats
@@ -172,7 +171,7 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number, with the same sign in all triangles at its vertex, so that every line crosses
+        A zero becomes a tiny number, with the same sign in all triangles at its vertex. So every line crosses
         triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO

@@ -25,11 +25,9 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """Middle lines of a family, divided into bays at the middle lines of the other family. A bay lies between two
-    crossings.
+    """Middle lines of a family, divided into bays, which lie between crossings with members of the other family.
 
-    piece  : (b,) the piece of `middles` that each part belongs to.    at : (b, 3) barycentric coordinates of its
-             middle.
+    piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
     length : (b,) metres of each part.    bay : (b,) the bay of each part, of `count`.
     angle  : (c,) degrees between members at crossings, except in material other than stripes."""
 
@@ -71,7 +69,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family where the other family's phase, which is linear on a piece, is a whole
+    """Divide the middle lines of a family at the middle lines of the other family, where the other phase is a whole
     number."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
@@ -106,8 +104,9 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part. Parts that meet at a node belong to one bay, unless it is in `barrier`
-    (j,)."""
+    """Number of bays, and the bay of each part.
+
+    Parts that meet at a node belong to the same bay, unless the node is in `barrier` (j,), the crossings."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -233,8 +232,9 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Faces that the ball may reach, divided until edges are at most half its radius. Without such faces, the whole
-    sheet."""
+    """The faces that the ball may reach, divided until their edges are at most half its radius.
+
+    If the ball reaches no face, the whole sheet is returned."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

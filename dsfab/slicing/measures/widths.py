@@ -85,8 +85,9 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """For each half-edge (3 m, 7): its length, and in its frame the opposite corner and the other sides' unit
-    directions."""
+    """For each half-edge, (3 m, 7) numbers in its own frame: its length, the apex of the face, and two unit directions.
+
+    The directions are those of the next two half-edges of the face."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -184,11 +185,11 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """Mask (k,) of lines between walls that converge to a tip.
 
-    slope : (k,) cosine between a line and the half-edge at its end; negative if the walls converge along this
-            half-edge.
+    slope : (k,) cosine between a line and the half-edge at its end; negative if the walls converge along it.
 
-    In a wedge of angle a, the tip is w / (2 tan(a / 2)) away from a line of length w. The two walls from the line to
-    the tip have twice this length in sum. A line is in a tip if its walls have 0.4 to 1.7 times this sum."""
+    Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. From
+    there on both walls together have twice this length. A line is in a tip if its walls have 0.4 to 1.7 times this sum.
+    """
     loop, middle, ahead, total = _loop_positions(surface)
 
     def position(spot: _EdgePoints) -> Floats:
@@ -225,8 +226,9 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """The loop of each edge (e,) from its ends (e, 2), the edges in their order along the loops, and the number of
-    loops."""
+    """Find the loops of edges with ends (e, 2).
+
+    Return the loop (e,) of each edge, the numbers of edges in their order along the loops, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
     onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the end by which a walk leaves the next edge
@@ -341,7 +343,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Mask (m',) of the material cells that `sheet` contains; it lacks some connected pieces of the material."""
+    """Mask (m',) of the material cells that are in `sheet`. It consists of some connected pieces of the material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)
