@@ -126,7 +126,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Add the diagonal blocks, each minus the sum of the other blocks in its row, because a shift causes no force."""
+        """Add the diagonal blocks, each minus the sum of the rest of its row, because a shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
