@@ -139,7 +139,7 @@ class PairBlocks:
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:
-        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same storage."""
+        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same sparse pattern."""
         return self.pairs.matrix(self)
 
 
@@ -167,7 +167,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def matrix_sum(A: csr_array, B: csr_array) -> csr_array:
-    """Return A + B, both (u, u); matrices with the same storage add their values only."""
+    """Return A + B, both (u, u). For matrices with the same sparse pattern only the values are added."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

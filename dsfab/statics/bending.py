@@ -60,10 +60,9 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. K_b converges to Kirchhoff's plate on every
-        mesh,
-    from the soft side: the deflection of a plate of 16 x 16 cells is 1.3 % (simply supported) to 8 % (clamped) too
-    large."""
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
+    K_b converges to Kirchhoff's plate on every mesh, from the soft side. The deflection of a plate of 16 x 16 cells is
+    1.3 % (simply supported) to 8 % (clamped) too large."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -106,10 +105,9 @@ def moment_loads(surface: Surface) -> Floats:
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The form is *decoupled*: the bubble along an
-        edge's
-    mean normal bends the faces, the other two bubbles stretch them. If all three were coupled, coarse thin curved
-    meshes would be far too stiff."""
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
+    The form is *decoupled*: the bubble along an edge's mean normal bends the faces, the other two bubbles stretch them.
+    If all three were coupled, coarse thin curved meshes would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

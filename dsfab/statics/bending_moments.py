@@ -31,8 +31,7 @@ def facet_number(surface: Surface, thickness: float) -> float:
 def face_moments(
     surface: Surface, material: Material, thickness: float, elements: Elements, answer: Equilibrium
 ) -> Floats:
-    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), at the corners of each face, in its tangent frame,
-    newtons.
+    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
 
     answer : solution by `elements`. A sheet that was solved in its plane (no bending) has no moments.
 
@@ -91,8 +90,9 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r. r is the work of unit moments on each
-    hat, `dsfab.statics.bending.moment_loads` times the unknowns. Sums avoid the 108 numbers of each face."""
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r.
+    r is the work of unit moments on each hat: `dsfab.statics.bending.moment_loads` times the unknowns. That matrix has
+    108 numbers for each face and is not stored here."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))

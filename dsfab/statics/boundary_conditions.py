@@ -182,7 +182,7 @@ class SpreadLoad:
 
     @classmethod
     def broadcast(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
-        """Return a load that broadcasts to (m, 3) Pa and (e, 3) N/m."""
+        """Return a load with `face` and `edge` broadcast to the shapes (m, 3), Pa, and (e, 3), N/m."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
 

@@ -25,7 +25,7 @@ memory."""
 
 
 class LinearMap(Protocol):
-    """A matrix for `refined_solution`: it has products, and a copy in longer numbers."""
+    """A matrix for `refined_solution`: it has products, and a copy in numbers of higher precision."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -71,7 +71,7 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """The matrix `inner` as a linear map, without memory of its own."""
+        """The matrix `inner` as a linear map, without storing it."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     @cached_property
@@ -134,12 +134,12 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of energy: sqrt(r . K^-1 r / b .
-    x).
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual.
 
-    Iterative refinement [Wilkinson 1963] improves a solution above `ACCURATE`, with residuals in the longest
-    floating-point numbers of the machine. Thin sheets make K badly conditioned, so that a residual in double precision
-    would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x."""
+    The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). Iterative refinement [Wilkinson 1963]
+    improves a solution above `ACCURATE`, with residuals in the longest floating-point numbers of the machine. Thin
+    sheets make K badly conditioned, so that a residual in double precision would be mostly rounding. x is rounded to
+    double after each step, and the residual is that of the returned x."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

@@ -70,8 +70,9 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
     """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), of each face that is nearest to its quadratic stress.
-    strain : (m, 3 corners, 3) of the quadratic triangle. The mean stress of each element stays. So does its energy,
-             half the mean product of linear stress and strain. It is more accurate at the edge of a hole."""
+    strain : (m, 3 corners, 3) of the quadratic triangle.
+    The linear stress has the same mean as the quadratic stress, and the same energy: half the mean product of linear
+    stress and strain. It is more accurate than the quadratic stress at the edge of a hole."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 

@@ -94,7 +94,7 @@ def sheet_answers(
     """Return stress and energy of a solved sheet, and the other requested results.
 
     stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements give
-                    the results, or if a sheet that was solved in its plane must bend to vibrate or to buckle.
+                    the results, or if a sheet solved in its plane must bend to vibrate or buckle.
     other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
     Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the results

@@ -187,9 +187,9 @@ class SheetStress:
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`). At a built-in
-        edge the
-        mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners have errors of 2 %."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
+        At a built-in edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners
+        have errors of 2 %."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property

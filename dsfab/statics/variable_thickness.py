@@ -73,7 +73,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # of the multiplier's square root
+        middle = (lower + upper) / 2  # next estimate of the multiplier's square root
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

@@ -195,8 +195,9 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives, each by the quickest solve that decides, and only once. Raises DsfabError if the
-    design cannot be cut."""
+    """Return a design's alternatives, each by the quickest solve that shows which is stiffer. The result is computed
+    once.
+    Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness

@@ -30,8 +30,7 @@ third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below.""
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
     middles.
-    The fourth node lies between the first and the second, the fifth between the second and the third, the sixth between
-    the third and the first."""
+    Nodes four to six of a triangle lie in the middles of its sides: 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)

@@ -221,7 +221,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # of a full check, measured; True: sheet solved in its plane
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # measured for full checks; True: sheet solved in its plane
 
 Level = Literal["quick", "full"]
 

@@ -176,11 +176,11 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Return the design after changes by which no check of its [fabrication] fails. Members widen by
-    pattern.width.min_width, and by the rim or the kept region if these are narrow. pattern.width.min_gap fills gaps
-    between stripes of a family, and slicing.min_opening fills gaps between families. Later changes also lower the
-    frequencies. Each new design uses earlier stages of the previous design. Raises PatternError if another section must
-    change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
+    """Return the design, changed until no check of its [fabrication] fails.
+    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
+    pattern.width.min_gap fills gaps between stripes of a family, and slicing.min_opening fills gaps between families.
+    Later changes also lower the frequencies. Each new design uses earlier stages of the previous design. Raises
+    PatternError if another section must change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:

@@ -34,8 +34,8 @@ class CaseResponse:
     compliance, displacement : joules, and metres with its place.
     stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
-    utilisation : two values of stress over strength: one that 99 % of the area does not exceed, and the largest outside
-                  of corners, that is, at least a rib's width away from them.
+    utilisation : two values of stress over strength. 99 % of the area does not exceed the first. The second is the
+                  largest at a rib's width or more from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None without a request or a result.

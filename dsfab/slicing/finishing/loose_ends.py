@@ -16,7 +16,9 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class Tidy:
-    """Rules for the removal of stripes. Later fields must also divide stripes that may be removed.
+    """Rules by which finishing removes stripes.
+
+    Later fields must also divide stripes that may be removed, because their own stripes then remain there.
 
     striped : for each field True if it draws stripes; material of a field without stripes stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
@@ -32,7 +34,9 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """Mask (c,) of stripes of field k that touch a blank or `astray` face; later fields must divide them."""
+        """Mask (c,) of stripes of field k that later fields must divide: stripes that touch a `blank` or `astray` face.
+
+        blank : (m,) faces where field k has no phase."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
@@ -93,14 +97,18 @@ def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """Number (c,) of the stretch of stripe, between two crossings or nodes, that each polygon belongs to; else -1."""
+    """For each polygon (c,) the number of the stretch of a stripe that it belongs to; -1 outside stripes.
+
+    Stretches lie between two crossings or nodes; each group of nodes is a stretch, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """Divide polygons at crossings and `nodes`: part (c,) of each polygon, masks (p,) of void and permanent parts."""
+    """Divide the polygons into parts at crossings and `nodes` (c,).
+
+    Return the part (c,) of each polygon, and masks (p,) of void parts and of parts that always stay."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -115,9 +123,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Masks (c,) of removed polygons and dead ends, and of pieces that the removal cuts off from supports and edges.
+    """Masks (c,) of two kinds of polygons to remove: removed parts with the dead ends that they leave, and islands.
 
-    stays : (p,) permanent parts. After dead ends are removed, a remaining part with a single neighbour is as short as
+    Islands are pieces that the removal cuts off from the supports and from the edges of the surface.
+    stays : (p,) parts that always stay. After dead ends are removed, a remaining part with a single neighbour is as
+            short as
     wide. It joins this neighbour, and the search for dead ends repeats."""
     before = gone
     while True:

@@ -203,7 +203,8 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
     """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
 
-    With the third corner x, side v-x falls onto side w-x. The cell beyond v-x gets the line of either side."""
+    With the third corner x, side v-x then coincides with side w-x. If one of both lies on a line, so does the side of
+    the cell beyond v-x."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -309,7 +310,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a plane face a and b have no other edge
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # no other edge joins a and b in a plane face
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])

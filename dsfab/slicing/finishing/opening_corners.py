@@ -47,7 +47,8 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre through both feet, and their distances (k, 2) from 0.
+        """Unit normals (k, 2, 2) of the lines from the centre through both feet; distances (k, 2) of the lines from the
+        origin.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -158,7 +159,8 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners of turn 0."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do not
+        turn."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)

@@ -154,7 +154,9 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material, each of the largest family beside it."""
+    """Return a sheet with the marked openings (o,) as material.
+
+    Each opening gets the family beside it with the largest number."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -182,8 +184,8 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls, limited to between half and all of 4 area / perimeter,
-    because a triangle with a long tip has opposite walls in the tip only."""
+    The size of an opening is its median width along the walls. It is at least half of 4 area / perimeter and at most
+    4 area / perimeter, because a triangle with a long tip has opposite walls in the tip only."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
@@ -280,7 +282,7 @@ class Strip:
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """Make strips, and small openings that they cut off, material; return also the number of strips.
 
-    One call makes as many strips as possible.
+    A strip that shares a vertex with an earlier strip is left out.
     width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0

@@ -45,8 +45,9 @@ class PinchResult:
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
-    After up to three rounds of discs, cuts at min(radius, 0.4 edge length) around the remaining pinches follow. Joined
-    cells take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
+    Up to three rounds of discs come first. Then corners are cut at the remaining pinches, at min(radius, 0.4 edge
+    length) along each edge. Joined cells take the family of the first material cell at their pinch. Pinches on the
+    surface's boundary count, too.
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
     remain.

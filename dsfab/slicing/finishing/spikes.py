@@ -82,7 +82,9 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`: walls and metres from the tip."""
+    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`.
+
+    Each corner is a pair: the number of walls between it and the tip, and their length in metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))

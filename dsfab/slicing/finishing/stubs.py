@@ -167,7 +167,8 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # at -1: no group
+        # the last value, which index -1 reads, is for bars without a group
+        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:

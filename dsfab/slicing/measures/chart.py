@@ -142,7 +142,7 @@ class StripeChart:
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
-        """(3, m) values (n,) at the corners of the faces."""
+        """Values (3, m) at the corners of the faces, from values x (n,) at the vertices."""
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
@@ -155,7 +155,7 @@ class StripeChart:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """(m, 3) each, gradients of both phases on the faces, per metre."""
+        """Gradients (m, 3) of both phases on the faces, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
         major, minor = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
         return np.asarray(major), np.asarray(minor)
@@ -178,7 +178,7 @@ class StripeChart:
 
     @cached_property
     def void(self) -> Floats:
-        """(m,) share of each face that is void, from four points."""
+        """Share (m,) of each face that is void, at four sample points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -193,7 +193,7 @@ class StripeChart:
 
     @cached_property
     def free(self) -> Floats:
-        """Share (m,) of each face that is not in material other than stripes."""
+        """Share (m,) of each face without other material (`kept`), at four sample points."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property

@@ -131,7 +131,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: points (k, 3), metres, and its number: that of most of its length."""
+    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
 
     number: int
     points: Floats
@@ -282,7 +282,7 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
     names  : of the fields of the cut; a cell's `family` is an index into them.
     phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. If phases are given at
-             corners, k may change along a line, and the line gets the number of its greatest length.
+             corners, k may change along a line; then the line gets the k of most of its length.
     Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
@@ -376,7 +376,9 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Each loop of boundary vertices, with the half-edge after each vertex. A two-sided surface lies on the left."""
+    """Loops of boundary vertices, and for each loop the half-edges after its vertices.
+
+    If the surface has two sides, it lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

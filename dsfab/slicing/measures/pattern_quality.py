@@ -262,15 +262,15 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area outside material besides the stripes.
+    spacing    : metres from middle to middle: P5, median and P95 over the area without other material than stripes.
     opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
     deviation  : mean angle to the stress, degrees, weighted by area x stress along the members x clarity of its
                  direction.
-    off        : share of these weights where members deviate by more than 30 degrees.
+    off        : sum of these weights where members deviate by over 30 degrees, divided by their sum everywhere.
     dead_ends  : see `dead_ends`.
     slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
                  bays (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
-    slit_share : share of the length of members beside such an opening.
+    slit_share : length of members beside such openings, divided by the length of all members.
     drawn      : False without members; then all numbers are 0."""
 
     spacing: Quantiles

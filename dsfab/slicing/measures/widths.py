@@ -44,7 +44,7 @@ class _Lines(NamedTuple):
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
     """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
 
-    reach : metres; longer lines need no end."""
+    reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # the twin runs in the opposite direction
     count = len(start)
@@ -324,7 +324,8 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
-    round for such lines count with 4 area / perimeter, the diameter of the circle in a triangle or a square."""
+    round for such lines count with 4 area / perimeter. In a triangle or a square this is the inscribed circle's diameter.
+    """
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -343,7 +344,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """Mask (m',) of the material cells that are in `sheet`. It consists of some connected pieces of the material."""
+    """Mask (m',) of the material cells that are in `sheet`, which has some of the connected pieces of the material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)

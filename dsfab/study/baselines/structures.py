@@ -179,7 +179,8 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
     """Return the structure whose sheet has the area of the task. Stripes are widened to replace the material of loose
-    pieces, which drop. A second try uses a finer snap, because snapped values make the area jump on coarse meshes.
+    pieces, which are left out. A second try uses a finer snap, because snapped values make the area jump on coarse
+    meshes.
     Raises PatternError if no width gives the area."""
     try:
         return _structure_of_area(task, drawing)
@@ -200,7 +201,7 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
         target_share -= excess * task.share
         if not 0 < target_share < 1:
             break
-    raise PatternError(f"falls apart: without its loose pieces its mass is {abs(nearest):.1%} off at the nearest")
+    raise PatternError(f"falls apart: without its loose pieces its mass differs by at least {abs(nearest):.1%}")
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
@@ -338,7 +339,8 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return the two unit axes (2, 3) along which the surface is longest; of equal ones, loads and supports decide."""
+    """Return the two unit axes (2, 3) along which the surface is longest.
+    If several axes are equally long, loads and supports decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()

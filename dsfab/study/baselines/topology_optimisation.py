@@ -118,8 +118,8 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of the faces with the least compliance for sum (density x face area) = `area`, square
-    metres.
+    """Return the densities of faces with the least compliance.
+    The sum of density x face area is `area`, square metres.
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].

@@ -53,7 +53,8 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : None for a file that is not closed.       distance, carrying : None if `findings` say why.
+    clearances : None for a file that is not closed.       distance, carrying : None if not measured; `findings` say
+                 why.
     density    : kg/m3, 0 if unknown."""
 
     path: Path
@@ -177,7 +178,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication] for the design's measures if the file equals the design, else the file's."""
+    """Check the limits of [fabrication]. If the file equals the design, the design's measures count, else its own."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -153,8 +153,8 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts if
     the two faces are parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
     faces. Neighbours at more than 3 degrees are the sides of a tip or a notch, and do not count. Other pairs that do
-    not count are coplanar parts that meet in a point, and triangles too low for a normal in single precision. A
-    member's width is a wall, too."""
+    not count are coplanar parts that meet in a point, and triangles too low for a normal in single precision. Members
+    count as walls, too."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]

@@ -118,7 +118,7 @@ class SolidModel:
         element = ElementVector(ElementTetP2())
         count = 3 * (tets.p.shape[1] + tets.edges.shape[1])
         if count > LARGEST:
-            raise StaticsError(f"the solid model has {count:,} unknowns, more than the {LARGEST:,} that are solved")
+            raise StaticsError(f"the solid model has {count:,} unknowns, more than the limit of {LARGEST:,}")
         K, dofs = _assemble(tets, element, material)
         points = np.concatenate([tets.p.T, tets.p.T[tets.edges.T].mean(axis=1)])
         node = np.empty(count, dtype=np.int64)
@@ -268,7 +268,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Points of a sheet in a solid, `thickness` metres.
+    """Points of a sheet in a solid that is `thickness` metres thick.
     shift : distance from the sheet to the middle of the solid, in half thicknesses."""
 
     model: SolidModel
@@ -283,8 +283,8 @@ class SupportPoints:
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) from the unknowns to the displacement of the upper Gauss point relative to the lower
-        one, square to the edge, at `samples` of the marked edges."""
+        """Return the matrix (r, N) from the unknowns to rotations at `samples` of the marked edges.
+        A rotation is the displacement, square to the edge, of the upper Gauss point relative to the lower one."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)

@@ -144,8 +144,8 @@ def solid_check(
 
 
 def softest_range(path: LoadPath) -> tuple[float, float] | None:
-    """Return two load factors that enclose the softest step, with the largest displacement per load. Return None if
-    this step is not much softer than the first step, or if the factors differ by less than 2 %."""
+    """Return the load factors before and after the softest step, which has the largest displacement per load. Return
+    None if this step is not much softer than the first step, or if the factors differ by less than 2 %."""
     moves = _relative_moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
@@ -167,8 +167,8 @@ def limit_of(path: LoadPath) -> tuple[int, bool]:
 
 def last_point(path: LoadPath) -> int | None:
     """Return the point at which a path may stop, or None: the end of a snap, or a soft point without equilibrium.
-    At a soft point CalculiX would only halve the next step in vain. A point is soft if its step moved the structure
-    over twice as far per load as the first step, and an increment under 2.5 % of the load failed."""
+    At a soft point CalculiX would only halve the next step in vain. A point is soft if an increment under 2.5 % of
+    the load failed after it, and its step moved the structure, per load, over twice as far as the first step."""
     limit_step, snaps = limit_of(replace(path, whole=True))
     moves = _relative_moves(path)
     for start, increment in path.failed:
