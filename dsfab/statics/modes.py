@@ -34,8 +34,9 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
     Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
-    springs, are fixed across the plane, too. The sheet could still rotate about a line through them, such as a wall on its base.
-    Then the free edges between such vertices are clamped: a support along an edge holds the sheet upright.
+    springs, are fixed across the plane, too. If the sheet could still rotate about a line
+    through them, as a wall on its base, the free edges between them are clamped. A support along an edge thus holds the
+    sheet upright.
 
     plane : true if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)

@@ -127,8 +127,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
     Islands are pieces that the removal cuts off from the supports and from the edges of the surface.
     stays : (p,) parts that always stay. After dead ends are removed, a remaining part with a single neighbour is as
-            short as
-    wide. It joins this neighbour, and the search for dead ends repeats."""
+            short as wide. It joins this neighbour, and the search for dead ends repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)

@@ -324,8 +324,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
-    round for such lines count with 4 area / perimeter. In a triangle or a square this is the inscribed circle's diameter.
-    """
+    round for such lines count with 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
