@@ -36,7 +36,7 @@ class Tidy:
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
         """Mask (c,) of stripes of field k that later fields must divide: stripes that touch a `blank` or `astray` face.
 
-        blank : (m,) faces where field k has no phase."""
+        blank : (m,) faces without a phase of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
