@@ -71,7 +71,7 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
+    equilibrium : under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
     elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
     factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.
     plane       : whether the sheet was solved in its plane; by default this follows from `load`."""

@@ -20,8 +20,8 @@ Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
-    It is 1 - .63 h / w (1 - h^4 / 12 w^4) if the rectangle is wider than thick; else this with w and h exchanged, times
-    w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
+    A rectangle that is wider than thick has the ratio 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged
+    in this formula, and the result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)

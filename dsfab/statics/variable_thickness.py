@@ -65,7 +65,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`; the multiplier gives the area [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`; the multiplier gives `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1."""

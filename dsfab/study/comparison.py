@@ -271,7 +271,7 @@ def compare(
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Return the judges of the design and of its competitors, whose names are `against`."""
+    """Return the judges of the design and of its competitors. against : names of the competitors."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None

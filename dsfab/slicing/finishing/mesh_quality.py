@@ -143,7 +143,7 @@ class CellMesh:
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
         """Return the mesh with those triangles F (m', 3) that `keep` (m',) marks.
 
-        sides_on : (m', 3) lines on the sides of all F.    strayed : (n',) new values."""
+        sides_on : (m', 3) lines on the sides of all F.    strayed : (n',) see `CellMesh`."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
@@ -161,7 +161,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto neighbours w (k,), and the distance (k,), metres, that stripe edges move then."""
+    """Moves of vertices v (k,) onto neighbours w (k,), and the metres (k,) by which edges of stripes move."""
 
     v: Ints
     w: Ints
@@ -329,8 +329,8 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
 class ImprovedSheet:
     """A sheet with better shaped cells.
 
-    sheet         : all cells, material and void.      flips, collapses : their numbers.
-    before, after : the shape of the material's cells.
+    sheet         : all cells, material and void.      flips, collapses : numbers of both steps.
+    before, after : the shape of the material's cells before and after these steps.
     strayed       : largest move of the edges of stripes, metres."""
 
     sheet: Sheet

@@ -54,7 +54,7 @@ class Overlay:
     sheet  : m cells, all of them material; `family` is the field that made each cell.
     source : (m,) the cell before this division that each cell is a part of.
     part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
-    of     : (count,) the field of each stripe.    level : (count,) its level in most of its cells.
+    of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
     offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. It is never 0, so
              that the line crosses two sides of a cell or none. Cells at an edge agree on the values there up to a sign.

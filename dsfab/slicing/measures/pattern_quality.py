@@ -106,7 +106,7 @@ def _bay_labels(
 ) -> tuple[int, Ints]:
     """Number of bays, and the bay of each part.
 
-    Parts that meet at a node belong to the same bay, unless the node is in `barrier` (j,), the crossings."""
+    Parts that meet at a node belong to the same bay, unless the node is in `barrier` (j,), the mask of crossings."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]

@@ -128,7 +128,7 @@ class ComparisonTask:
 @dataclass(frozen=True, eq=False)
 class Structure:
     """A structure that a judge solves.
-    cells  : all cells, material and void.        names : fields that mark material, see `cut`.
+    cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
     sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres."""
 
     cells: Sheet
