@@ -20,7 +20,7 @@ Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
-    A rectangle that is wider than thick has the ratio 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged
+    A rectangle wider than thick has the ratio 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged
     in this formula, and the result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)

@@ -273,7 +273,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Mask (p,) of vertices (p,) on the wall between the feet of arcs (p,), or within 2 % of the radius of a foot."""
+        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of them."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))
