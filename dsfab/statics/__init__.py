@@ -71,7 +71,7 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Return `solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
+    """Return `solve_cases` by the elements for a purpose in `USES`. bars : see `solve_cases`.
     A cut may leave needles, very flat triangles, for which the more accurate elements may fail. Then elements that
     tolerate needles solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
@@ -94,7 +94,7 @@ def solve_cases(
     """Return `solve_statics` for several load cases on the same supports, by name, from one factorisation.
     spreads      : for each case, see `equilibrium`; either for all cases, or None.
     combinations : for each combination, the factor of each case; combinations follow the cases in the result.
-    bars         : true if ribs that bend twist as rectangular bars, see `torsion_loss`.
+    bars         : true to count the lower torsional stiffness of ribs with a rectangular section, see `torsion_loss`.
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

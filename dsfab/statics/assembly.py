@@ -21,7 +21,8 @@ def hinges(surface: Surface) -> Ints:
          / \
         0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
          \ /
-          3"""
+          3
+    """
     h0, h1 = surface.edges.pairs.T
     corner = surface.F.ravel()
     ends = [corner[h0], corner[next_half_edge(h0)]]
@@ -30,11 +31,10 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return gradients (i, 4, 3), per metre, of the angles between the faces of hinges, and weights l^2 / (A1 + A2),
-    (i,).
+    """Return gradients (i, 4, 3), per metre, of the angles at hinges, and weights (i,): l^2 / (A1 + A2) of both faces.
 
-    The opposite vertices have heights h2, h3 over the edge. If they move along their normals, the angle changes by n2 /
-    h2 and n3 / h3; the ends of the edge balance this so that no rigid motion changes the angle."""
+    The opposite vertices have heights h2, h3 above the edge. If they move along the faces' normals, the angle changes
+    by n2 / h2 and n3 / h3. Gradients at the ends of the edge balance these, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -57,7 +57,7 @@ CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Pairs of vertices that a stiffness couples, once for a mesh, and the positions of their blocks in the matrix.
+    """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
                vertices of all hinges if the elements have hinges.
     of_edge  : (e,) the pair of each edge.
@@ -87,7 +87,7 @@ class VertexPairs:
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
         last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
-        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # true if both faces pass the edge in one direction
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # true if both faces list the edge in the same direction
         second_face = np.where(from0, last1, next1), np.where(from0, next1, last1)
         return np.stack([edge[h0], edge[last0], edge[next0], edge[second_face[0]], edge[second_face[1]], self.opposite])
 
@@ -107,7 +107,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # blocks save memory: positions of single entries would take a third of the memory of the matrix
+        # positions of single entries, instead of blocks, would take a third of the memory of the matrix
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -115,9 +115,10 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness as 3 x 3 blocks on pairs of vertices; stiffnesses on the same pairs are added before assembly.
+    """A stiffness as 3 x 3 blocks, one for each pair of vertices. Stiffnesses on the same pairs are added block by
+    block.
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the blocks on the diagonal, symmetric."""
+    own     : (9, n) the symmetric blocks on the diagonal, one for each vertex."""
 
     pairs: VertexPairs
     between: Floats
@@ -125,7 +126,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Add the diagonal: no element resists a shift, so each diagonal block is minus the sum of its row."""
+        """Add the diagonal blocks, each minus the sum of the rest of its row, because a shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -138,7 +139,7 @@ class PairBlocks:
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:
-        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same storage."""
+        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same sparse pattern."""
         return self.pairs.matrix(self)
 
 
@@ -147,12 +148,12 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return sums (9, count) of the blocks u v^T of u, v (3, k) over pairs (k,); the number `count` means no pair."""
+    """Return sums (9, count) of the blocks u v^T over rows (k,) with the same `pair`; pair = `count` is left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
 def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """Return a, b (3, k) if the pair's first vertex is the smaller, else b, a."""
+    """Return a, b (3, k), exchanged where the pair's first vertex is the larger."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
@@ -166,7 +167,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def matrix_sum(A: csr_array, B: csr_array) -> csr_array:
-    """Return A + B, both (u, u); matrices with the same storage add their values only."""
+    """Return A + B, both (u, u). For matrices with the same sparse pattern only the values are added."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

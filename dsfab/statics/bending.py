@@ -60,10 +60,9 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. K_b converges to Kirchhoff's plate on every
-        mesh,
-    from the soft side: the deflection of a plate of 16 x 16 cells is 1.3 % (simply supported) to 8 % (clamped) too
-    large."""
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
+    K_b converges to Kirchhoff's plate on every mesh, from the soft side. The deflection of a plate of 16 x 16 cells is
+    1.3 % (simply supported) to 8 % (clamped) too large."""
     B = curvatures(surface)
     blocks = B.transpose(0, 2, 1) @ (D @ B) * surface.areas[:, None, None]
     return assemble_blocks(blocks, elements.columns(surface, "rotation"), elements.unknowns(surface))
@@ -81,11 +80,11 @@ def moment_loads(surface: Surface) -> Floats:
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the
-    edge."""
+    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the edge.
+    """
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
-    across = np.einsum("mia,mca->mci", slope, outward)  # (m, half-edge, corner) hat slopes along m
+    across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes of hats along m
     sign = half_edge_signs(surface)
     rows = np.zeros((surface.m, 3, 3, 12))
     rows[..., 3:6] = (8 / 3 * surface.areas[:, None, None] * voigt(slope, np.roll(slope, -1, axis=1))).transpose(
@@ -106,11 +105,9 @@ def moment_loads(surface: Surface) -> Floats:
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The form is *decoupled*: the bubble along an
-        edge's
-    mean normal bends the faces, the other two bubbles stretch them. If all three were coupled, coarse thin curved
-    meshes
-    would be far too stiff."""
+    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
+    The form is *decoupled*: the bubble along an edge's mean normal bends the faces, the other two bubbles stretch them.
+    If all three were coupled, coarse thin curved meshes would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)

@@ -16,10 +16,10 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """Return L^2 / (R h) of a typical face, the median: edge length times fold angle over the thickness.
-    Loads on the flat faces of a curved sheet bend each face between its edges, as in a real polyhedron. On spheres
-    under pressure with `hhj` elements, the error of the largest stress was +0.8 to +0.9 times this number, of a typical
-    stress 0.05 times, and of the energy 1.1 times its square. `midedge` elements have no unknown for this effect."""
+    """Return L^2 / (R h), the median over the edges: edge length times fold angle over the thickness.
+    A load on a flat face of a curved sheet bends it between its edges, as in a real polyhedron. For spheres under
+    pressure and `hhj`, the largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by
+    0.05 times the number, the energy by 1.1 times its square. `midedge` elements have no unknown for this effect."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -31,8 +31,7 @@ def facet_number(surface: Surface, thickness: float) -> float:
 def face_moments(
     surface: Surface, material: Material, thickness: float, elements: Elements, answer: Equilibrium
 ) -> Floats:
-    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), at the corners of each face, in its tangent frame,
-    newtons.
+    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
 
     answer : solution by `elements`. A sheet that was solved in its plane (no bending) has no moments.
 
@@ -40,8 +39,8 @@ def face_moments(
     `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
     `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
                 the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
-                to 60 % (random triangles, and twist on squares halved by diagonals). The statics also differ by a
-                factor (see `hinge_blocks`). Faces on a free edge lack the share of this edge."""
+                to 60 % (random triangles, and twist on squares halved by diagonals). Displacements also have errors
+                (see `hinge_blocks`). A free edge is no hinge, so its faces have too little moment."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -76,14 +75,14 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
-    The normal at an edge is half way between the normals of its two faces, so a face's own share is half of the angle:
+    The normal at an edge is half way between the normals of its two faces, so each face takes half of the angle:
     kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # if the second face is listed in reverse, the angle has the opposite sign about its normal
+    # if neighbours have opposite normals, the angle changes its sign in the second face
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -91,8 +90,9 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r. Here r is the work of unit moments on
-    each hat: `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face."""
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r.
+    r is the work of unit moments on each hat: `dsfab.statics.bending.moment_loads` times the unknowns. That matrix has
+    108 numbers for each face and is not stored here."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
@@ -101,7 +101,7 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
     tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope dw/dm of the corners' hats on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # with m at corner c: d(4 phi_c phi_c+1)/dm on half-edge c; other bubbles' slopes there are linear too
+    # slopes of hats along m, for the slopes of the bubbles 4 phi_c phi_c+1, which are linear on each half-edge
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

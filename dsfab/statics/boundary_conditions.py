@@ -15,7 +15,7 @@ from dsfab.surface import coincident, pieces
 from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
-FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this share of the piece's own motion.
+FREE_MOTION = 1e-9  # A rigid motion is free if it moves the supports by less than this times the piece's largest motion
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
 
@@ -32,8 +32,8 @@ def rigid_motions(points: Floats) -> Floats:
 
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
-    fixed   : (n, 3) fixed freedoms, from supports and from a solution in the sheet's plane; the springs of `load` also
-              count.
+    fixed   : (n, 3) fixed directions of the vertices, by supports or because the sheet is solved in its plane. Springs
+              of `load` hold, too.
     clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -76,9 +76,9 @@ def _merge_hint(surface: Surface) -> str:
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge prevents.
-    The motions are a basis of shifts and rotations, each with the name of its largest part.
-    clamped : (k, 2) ends of the edges that do not rotate; a rotation about w rotates edge t by w . t."""
+    """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
+    Each motion is a shift or a rotation, and has the name of its largest component.
+    clamped : (k, 2) ends of the edges that do not rotate; a rotation vector w turns an edge of direction t by w . t."""
     at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
@@ -90,7 +90,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > FREE_MOTION
     parts = np.abs(mix.T @ null)
     largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
-    return [MOTIONS[k] for k in sorted(largest)]  # the order of equal values depends on the machine
+    return [MOTIONS[k] for k in sorted(largest)]  # sorted, because the order of equal values depends on the machine
 
 
 def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
@@ -110,10 +110,10 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
     fixed   : (n, 3) fixed directions of the vertices.
     clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    A boundary edge is fixed along a direction if both ends are; an inner edge if all corners of one of its faces are.
-    The ears of a mesh (faces with two boundary edges) do not count as such faces, because the boundary alone fixes
-    their corners. Edges of faces fixed in all directions do not rotate. A bubble is fixed if more than half of its
-    squared direction lies in fixed directions."""
+    A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
+    of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
+    of faces that are fixed in all directions do not rotate. A bubble is fixed if the squares of its components in fixed
+    directions are over half of their sum."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -125,7 +125,7 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """Return held directions (e, 3) of the middles of edges, from those of the vertices, `fixed` (n, 3)."""
+    """Return the fixed directions (e, 3) of the middles of edges, from the fixed directions (n, 3) of the vertices."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     is_held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -134,13 +134,13 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """Return held directions (m, 3) of faces, without ears, from those of the vertices, `fixed` (n, 3)."""
+    """Return directions (m, 3) in which all corners are fixed; none for a face with two boundary edges."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError if clamped edges (e,) have no rotation; a sheet solved in its plane needs none."""
+    """Raise StaticsError if edges (e,) are clamped, but `elements` have hinges and thus no rotation to clamp."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -182,7 +182,7 @@ class SpreadLoad:
 
     @classmethod
     def broadcast(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
-        """Return a load that broadcasts to (m, 3) Pa and (e, 3) N/m."""
+        """Return a load with `face` and `edge` broadcast to the shapes (m, 3), Pa, and (e, 3), N/m."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
 
@@ -196,8 +196,8 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's force at its
-        ends."""
+        """Return forces (n, 3), N: a third of a face's force at each of its corners, half of an edge's force at each
+        end."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 Membrane = Literal["constant", "quadratic", "hybrid"]
 Bending = Literal["hinge", "midedge", "hhj"]
-BUBBLES = ("along", "across", "normal")  # Edge bubbles, in the order of the rows of an edge frame.
+BUBBLES = ("along", "across", "normal")
 """Edge bubbles (quadratic displacements, zero at both ends of an edge), in the order of the rows of an edge frame."""
 
 
@@ -53,7 +53,7 @@ class Elements:
 
     @property
     def on_edges(self) -> tuple[str, ...]:
-        """Names of the unknowns of every edge; the unknown `k` of edge `e` is number 3 n + k (number of edges) + e."""
+        """Names of the unknowns of every edge. Unknown k of edge e has the number 3 n + k (number of edges) + e."""
         bending = {"midedge": ("rotation",), "hhj": ("rotation", "slope")}.get(self.bending or "", ())
         membrane = ("along", "across") if self.membrane != "constant" else ()
         return bending + membrane + (("normal",) if self.bending == "hhj" else ())
@@ -89,13 +89,13 @@ def edge_frames(surface: Surface) -> Floats:
 
 def _computed_edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
-    n is the mean of the faces' normals weighted by area, after turning the second face so that both normals agree. So
-    reversed faces change nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
-    two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
+    n is the mean of both faces' normals, weighted by area. A normal that points to the other side is reversed first, so
+    the order of corners does not matter. Such a mean fails for three faces on an edge, and for a fold over 145 degrees.
+    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
-    # sign x normal does not depend on the order of the corners; it is opposite in agreeing neighbours
+    # sign x normal is the same if a face's corners are reversed; it is opposite in the two faces of an edge
     area_normal = surface.normals * surface.areas[:, None]
     signed = (half_edge_signs(surface)[:, :, None] * area_normal[:, None, :]).reshape(-1, 3)
     n = signed[edges.order[edges.start[:-1]]]
@@ -106,7 +106,7 @@ def _computed_edge_frames(surface: Surface) -> Floats:
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first_face = edges.order[edges.start[undefined]] // 3
-        # a small extra weight decides between three faces at 120 degrees
+        # the first face gets more weight, because three faces at 120 degrees have no nearest line
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)

@@ -25,7 +25,7 @@ memory."""
 
 
 class LinearMap(Protocol):
-    """A matrix for `refined_solution`: it has products, and a copy in longer numbers."""
+    """A matrix for `refined_solution`: it has products, and a copy in numbers of higher precision."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -61,9 +61,8 @@ class ScaledStiffness:
 
 @dataclass(frozen=True, eq=False)
 class Factor:
-    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move. scale : (N,) 1 /
-    square
-    root of their diagonal entries. solve : the function b -> inner^-1 b."""
+    """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move.
+    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> inner^-1 b."""
 
     K: csr_array
     free: Ints
@@ -72,7 +71,7 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """The matrix `inner` as a linear map, without memory of its own."""
+        """The matrix `inner` as a linear map, without storing it."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
     @cached_property
@@ -117,7 +116,7 @@ class FactorCache:
         for matrix, earlier_held, factor in self._kept:
             if _equal_matrices(matrix, K) and np.array_equal(earlier_held, is_held):
                 return factor
-        del self._kept[: len(self._kept) + 1 - self._count]  # frees memory for the next factor
+        del self._kept[: len(self._kept) + 1 - self._count]  # deleting first leaves memory for the next factor
         self._kept.append((K, is_held.copy(), stiffness_factor(surface, K, is_held)))
         return self._kept[-1][2]
 
@@ -135,12 +134,12 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of energy: sqrt(r . K^-1 r / b .
-    x).
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual.
 
-    Iterative refinement [Wilkinson 1963] improves a solution above `ACCURATE`, with residuals in the longest
-    floating-point numbers of the machine. Thin sheets make K badly conditioned, so that a residual in double precision
-    would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x."""
+    The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). Iterative refinement [Wilkinson 1963]
+    improves a solution above `ACCURATE`, with residuals in the longest floating-point numbers of the machine. Thin
+    sheets make K badly conditioned, so that a residual in double precision would be mostly rounding. x is rounded to
+    double after each step, and the residual is that of the returned x."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

@@ -55,10 +55,10 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
     C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material."""
     corners = surface.V[surface.F]
     arm = (corners - corners.mean(axis=1, keepdims=True)) @ tangents(surface).transpose(0, 2, 1)
-    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6), dimensionless
+    x, y = np.moveaxis(POINTS @ (arm / np.abs(arm).max(axis=(1, 2), keepdims=True)), -1, 0)  # (m, 6 points), scaled
     powers = np.stack([x**a * y**b for a, b in MONOMIALS], axis=1)
     shares = powers * SHARES
-    linear = shares @ POINTS  # (m, monomial, hat) means
+    linear = shares @ POINTS  # (m, monomial, hat): means of the products
     square = shares @ powers.transpose(0, 2, 1)
     count, _, k = STRESSES.shape
     compliance = np.einsum("aik,ij,bjl->abkl", STRESSES, np.linalg.inv(C), STRESSES).reshape(count**2, k * k)
@@ -69,10 +69,10 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the stress (m, 3 corners, 3), (xx, yy, xy), of each face: the linear part of the quadratic stress.
-    strain : (m, 3 corners, 3) of the quadratic triangle. The projection preserves the element's mean stress, and its
-             energy as half the mean product of the linear stress and strain. On the edge of a hole it is more accurate
-             than the quadratic stress."""
+    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), of each face that is nearest to its quadratic stress.
+    strain : (m, 3 corners, 3) of the quadratic triangle.
+    The linear stress has the same mean as the quadratic stress, and the same energy: half the mean product of linear
+    stress and strain. It is more accurate than the quadratic stress at the edge of a hole."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 

@@ -34,9 +34,9 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
     Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
-    springs, are fixed across the plane, too. If the sheet could still rotate about a line through them (a wall on its
-    base, a cantilever), the free edges between such vertices are clamped: a support along an edge holds the sheet
-    upright.
+    springs, are fixed across the plane, too. If the sheet could still rotate about a line
+    through them, as a wall on its base, the free edges between them are clamped. A support along an edge thus holds the
+    sheet upright.
 
     plane : true if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
@@ -55,7 +55,7 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     return ModeSupports(across, HELD_ACROSS)
 
 
-FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")  # Default elements.
+FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Default elements of frequencies and of buckling."""
 HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle of area 1.
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
@@ -179,7 +179,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
 
 def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:
-    """Return the quadratic form of `shapes` (m, 6, 6), summed over x, y, z, on hats and bubbles, over all unknowns."""
+    """Return the matrix over all unknowns of a quadratic form, `shapes` (m, 6, 6), that acts on x, y and z alike."""
     names = [name for name in BUBBLES if name in elements.on_edges]
     frames = edge_frames(surface)[surface.edges.of]
     axes = np.broadcast_to(np.tile(np.eye(3), (3, 1)), (surface.m, 9, 3))
@@ -199,8 +199,9 @@ def _largest_eigenpairs(
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3). The
-    method is Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on supported sheets for
-    any A, and only its factor is necessary. As in `equilibrium`, the diagonal of K scales the unknowns."""
+    method is Lanczos on K^-1 A with the inner product of K [Lehoucq et al. 1998, ARPACK]. K is positive on supported
+    sheets, A may be anything, and only the factor of K is necessary. As in `equilibrium`, the diagonal of K scales the
+    unknowns."""
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
     turning = clamped if "rotation" in elements.on_edges else None
@@ -215,7 +216,7 @@ def _largest_eigenpairs(
     solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
     try:
-        # clearly compressed sheets take a few restarts
+        # a few restarts suffice for clearly compressed sheets
         mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error

@@ -36,9 +36,9 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques. The torque of an
-    edge goes to the supports that clamp the edge. If no support does, and yet the edge cannot rotate, the torque goes
-    to the supports of its ends. All supports together balance the loads, unless edges are clamped elsewhere."""
+    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques. An edge's torque
+    goes to the supports that clamp the edge. If none does, and yet the edge cannot rotate, it goes to the supports of
+    its ends. All supports together balance the loads, unless edges are clamped in another way."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -54,7 +54,7 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
     share its force equally, springs in proportion to their stiffness."""
     fixed = np.array([support.fixed_directions(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
-    # a spring at a fixed place does not stretch
+    # where a support fixes a direction, springs do not stretch and carry nothing
     return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
 
 

@@ -22,7 +22,7 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class ResultRequest:
-    """Requested results of a sheet, beyond the results that cost almost nothing.
+    """Requested results of a sheet that cost time; other results are always given.
     strength : Pa, compared with the largest stress; 0 for no comparison. frequencies : number of natural frequencies.
     buckling : number of load factors."""
 
@@ -39,12 +39,12 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the input if it is verified (`REPORTED`), else the pair for stress.
-        Without a request, the input elements also give stress and energy."""
+        """Return the elements for the results: the given ones if they are verified (`REPORTED`), else those for stress.
+        Without a request, the given elements also compute stress and energy."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
-        """Return the function that factorises the stiffness, with a cache if the modes need the factor again."""
+        """Return the function that factorises the stiffness: a cache if the modes use the same factor again."""
         return FactorCache() if self.modes and self.elements_for(elements) == elements else stiffness_factor
 
 
@@ -53,7 +53,7 @@ class Answers:
     """Results of a sheet under one load.
 
     elements    : elements that solved the sheet (without bending if it was solved in its plane).
-    equilibrium : solution by these elements; that of the statics if it has the same elements.
+    equilibrium : solution by these elements: the design's own solution if it has the same elements.
     stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
@@ -71,7 +71,7 @@ class Answers:
 @dataclass(frozen=True, eq=False)
 class SolvedCase:
     """A load case and its equilibrium.
-    equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
+    equilibrium : under `load` and `spread`, by `elements`, or by `elements.in_plane` if `plane`.
     elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
     factor_of   : the function that factorised K (`ResultRequest.factor_for`), to save a second factorisation.
     plane       : whether the sheet was solved in its plane; by default this follows from `load`."""
@@ -94,7 +94,7 @@ def sheet_answers(
     """Return stress and energy of a solved sheet, and the other requested results.
 
     stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements give
-                    the results, or if a sheet that was solved in its plane must bend to vibrate or to buckle.
+                    the results, or if a sheet solved in its plane must bend to vibrate or buckle.
     other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
     Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the results

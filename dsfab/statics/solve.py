@@ -166,11 +166,13 @@ def _answer(
     compliance: float,
     residual: float,
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x; `unbalanced` is K x - f without the springs: the forces of all supports."""
+    """Return the equilibrium of unknowns x.
+
+    unbalanced : K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # a spring exerts -k u. K x - f differs from it by the residual, which the imbalance must contain
+    # a spring's force is -k u, not K x - f: the difference is the residual, which must appear in the imbalance
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
@@ -219,7 +221,7 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
 def _solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
-    """Return unknowns (N, k) under forces F (N, k), 0 without stiffness, and relative residuals (k,)."""
+    """Return unknowns (N, k) under forces F (N, k), 0 for unknowns without stiffness, and relative residuals (k,)."""
     U = np.zeros(F.shape)
     if not (~is_held & (K.diagonal() > 0)).any():
         return U, np.zeros(F.shape[1])
@@ -231,7 +233,7 @@ def _solution(
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """Return moments (e,), N m, of clamped edges on the sheet, the forces on the unknown `rotation`."""
+    """Return the moments (e,), N m, of clamped edges on the sheet, from the forces on the unknown `rotation`."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

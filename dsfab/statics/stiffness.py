@@ -44,11 +44,12 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
+    """K = sum over the faces of s_f K_f on the free unknowns. The elements have constant strain and mid-edge bending;
+    a sheet in its plane does not bend.
     blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is fixed.
-    places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
-    springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
-    force  : (count, k) newtons."""
+    places : (nnz, m) matrix from factors s (m,) to the nonzero values of K.     indices, indptr : K's sparse pattern.
+    springs : (nnz,) values of the supports' springs.    points, node : points, and the point of each free unknown.
+    force  : (count, k) newtons, of each load."""
 
     blocks: Floats
     unknown: Ints
@@ -63,8 +64,7 @@ class FaceStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Return K of a sheet. Raises StaticsError for a free motion of the sheet or a load on a vertex without
-        faces."""
+        """Return K of a sheet. Raises StaticsError for a free motion, or for a load on a vertex without faces."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -96,8 +96,9 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K at face factors (m,), with the analysis of an `earlier` factor.
-        Raises StaticsError for a mechanism."""
+        """Return the factor of K for factors `scale` (m,) on faces.
+        earlier : a factor of the same pattern; its analysis is used again, which saves time. Raises StaticsError for a
+                  mechanism."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)

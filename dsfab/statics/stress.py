@@ -77,11 +77,11 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
 
     frame  : (m, 2, 3) of each face, for the components.
     values : (m, 3 corners, 3) tensors before averaging.
-    sided  : true if values change sign with the side that the normal points to, as bending does.
+    sided  : true if values change their sign with the face's normal, as bending does.
 
     Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
-    preserves values that means of faces miss. On curved sheets it removes the bending of each flat face by its own
-    load, which is large at corners and cancels around a vertex. Across folds the mean of the face stays."""
+    keeps values that are lost in means of faces. On curved sheets it removes the bending of each flat face by its own
+    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -111,8 +111,8 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite
-side."""
+"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite side.
+"""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -161,7 +161,7 @@ class SheetStress:
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
             lock(self, name, np.float64, (m, 3, 3))
-            if getattr(self, smooth) is values:  # one copy is enough
+            if getattr(self, smooth) is values:  # both share one array
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
@@ -187,9 +187,9 @@ class SheetStress:
 
     @cached_property
     def von_mises(self) -> Floats:
-        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`). At a built-in
-        edge the
-        mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners have errors of 2 %."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
+        At a built-in edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners
+        have errors of 2 %."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property

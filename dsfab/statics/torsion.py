@@ -20,18 +20,17 @@ Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
 
 def torsion_share(ratio: Floats) -> Floats:
     """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
-    It is 1 - .63 h / w (1 - h^4 / 12 w^4) if the rectangle is wider than thick; else this with w and h exchanged, times
-    w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
-    ratio = np.maximum(ratio, 0.01)  # the equations of narrower ribs have no accurate solution
+    A rectangle wider than thick has the ratio 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged
+    in this formula, and the result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
+    ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
 
 
 class RibShape(NamedTuple):
-    """Ribs at the faces. widths : (m,) metres, of the rib around each face's middle; inf on a closed sheet without
-    openings.
-    along : (m, 3) unit vectors in the face, along the border next to it."""
+    """The rib around each face. widths : (m,) metres; inf on a closed sheet without openings.
+    along : (m, 3) unit vectors in the face, along the nearest border."""
 
     widths: Floats
     along: Floats
@@ -68,7 +67,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         high = np.einsum("kx,kx->k", n, offset)
         shorter = np.einsum("kx,kx->k", offset, offset) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        # the border may reach into a disc by a thousandth of its radius
+        # a disc counts as empty if the border reaches into it by less than a thousandth of its radius
         return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
@@ -87,9 +86,9 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """Return the negative part of K, over the unknowns of `elements`, that ribs lose because they twist as bars.
-    For each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
-    Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
+    On each face D loses (1 - share) D_66 t t^T. t : kappa is the twist 2 kappa_ab between directions along and across
+    the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

@@ -15,11 +15,11 @@ from dsfab.statics.stiffness import FaceStiffness
 from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
-LEAST = 1e-4  # Least thickness over that of the sheet, so that omitted faces still have a direction of force.
+LEAST = 1e-4
 """Least thickness as a share of the sheet's thickness, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of
-steps."""
+"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of steps.
+"""
 
 
 class VaryingSheet(NamedTuple):
@@ -65,8 +65,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`, for a multiplier that gives the area [Bendsoe
-    1995].
+    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`; the multiplier gives `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1."""
@@ -74,7 +73,7 @@ def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: 
     root = x * np.sqrt(np.maximum(gain, 0.0))
     lower, upper = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
     while upper - lower > 1e-6 * upper:
-        middle = (lower + upper) / 2  # the square root of the multiplier
+        middle = (lower + upper) / 2  # next estimate of the multiplier's square root
         thickness = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ thickness > area:
             lower = middle

@@ -18,11 +18,10 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 
 @dataclass(frozen=True)
 class Spread:
-    """Compliances (J) of a competitor's variants, as the judge `quick` computes them.
+    """Compliances (J) of all variants of a competitor, by one solve each (`quick`).
     tried, carried : number of variants, and number of variants that carry the loads.
     best, mean, worst : compliances of the variants that carry the loads.
-    median : median of all variants; the compliance of a variant that does not carry the loads is infinite.
-    """
+    median : median of all variants; the compliance of a variant that does not carry the loads is infinite."""
 
     tried: int
     carried: int
@@ -43,15 +42,14 @@ class Spread:
 class Competitor:
     """A structure under the design's loads, or the reason (`error`) why the structure is missing.
     variant         : name of the stiffest of several variants, such as "modes 1, 2".
-    area_fraction   : share of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
+    area_fraction   : its area over that of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
     judgement       : None with an error.       pieces : number of the sheet's pieces.
     loose           : share of the material that reaches no support; the sheet is without this material.
     smallest_member : width in metres; None if the sheet has no measurable member.
     spread          : statistics of the variants; None for a single variant.
     seconds_made    : time to make all variants.     seconds : time to make and to judge them.
-    structure       : the judged structure, for drawings; with an error, a single structure that does not carry the
-                      loads.
-    """
+    structure       : the judged structure, for drawings. With an error it is a single variant that does not carry the
+                      loads."""
 
     name: str
     variant: str = ""
@@ -74,7 +72,8 @@ class Competitor:
         return self.judgement.compliance if self.judgement else float("inf")
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """Return SI values for a table, None if unknown. full, design : compliance (J) of full sheet and design."""
+        """Return SI values for a table, None if unknown.
+        full, design : compliances (J) of the full sheet and of the design."""
         columns: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -149,7 +148,7 @@ class Alternative:
                 does not carry its loads; 0 if the alternative does not carry them.
     low, high : interval of `over`, from the error bounds of both compliances.
     variant   : the best variant, such as "modes 1, 2".
-    level     : check of both compliances, in words.                error : why the alternative is missing, or ''.
+    level     : words for the check of both compliances.                error : why the alternative is missing, or ''.
     """
 
     name: str
@@ -196,9 +195,9 @@ def is_searched(preset: Preset) -> bool:
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Return a design's alternatives; they are solved once, by the quickest solve that suffices. Raises DsfabError if
-    the design cannot be cut.
-    """
+    """Return a design's alternatives, each by the quickest solve that shows which is stiffer. The result is computed
+    once.
+    Raises DsfabError if the design cannot be cut."""
 
     def solve() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -217,7 +216,7 @@ def alternatives(
 
 
 class _BoundedCompliance(NamedTuple):
-    """A compliance (J) with its relative error bound; infinite if the structure carries no loads (see `error`)."""
+    """A compliance (J) with its relative error bound; infinite if the structure fails under its loads (see `error`)."""
 
     compliance: float
     bound: float
@@ -227,10 +226,8 @@ class _BoundedCompliance(NamedTuple):
 
 def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
     """Compare a structure with a thinner sheet: one solve of each sheet, with elements that rank designs.
-    If the result is uncertain, better elements solve both sheets again. A sheet that bends then gets a full check,
-    because
-    its mesh is coarser than the mesh of the cut sheet.
-    """
+    If this does not show which is stiffer, better elements solve both sheets again. A thinner sheet that bends then
+    gets a full check, because its mesh is coarser than the mesh of the cut sheet."""
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     design, rival = _ranked_compliance(task, structure), _judged_compliance(quick, task, thin)
     alternative = _alternative("thinner", design, rival, "one solve each")
@@ -242,14 +239,10 @@ def thinner_alternative(task: ComparisonTask, structure: Structure) -> Alternati
 
 
 def isotropic_alternative(task: ComparisonTask, structure: Structure) -> Alternative:
-    """Compare a structure with the best isotropic stripes. Every pair of modes is cut once and solved with quick
-    elements,
-    like a candidate of a search. The two best pairs are cut again to exactly the design's mass, and better elements
-    judge
-    them and the design. Quick elements make members that bend in their plane up to twice too stiff. Exactly the same
-    mass
-    matters, because 1 % more material makes a sheet 5 % stiffer.
-    """
+    """Compare a structure with the best isotropic stripes. Each pair of modes is cut and solved once with quick
+    elements, as in a search. Then the two best pairs are cut to exactly the design's mass, because 1 % more material
+    makes a sheet 5 % stiffer. Better elements judge both and the design, because quick elements make members up to
+    twice too stiff."""
     blind = isotropic_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve each, best of {len(blind.pairs)} pairs"
@@ -277,7 +270,7 @@ def _variant_compliance(task: ComparisonTask, variant: Variant) -> _BoundedCompl
 
 
 def judged_alternatives(design: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Return the rivals of a comparison that are alternatives, with their judgements."""
+    """Return those rivals of a comparison that are in `ALTERNATIVE_WORDS`, as alternatives with judged compliances."""
     design_value, judged = _competitor_compliance(design), []
     for rival in (rival for rival in rivals if rival.name in ALTERNATIVE_WORDS):
         level = f"{rival.judgement.level} check" if rival.judgement else ""

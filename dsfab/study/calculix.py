@@ -30,8 +30,7 @@ class Wedges:
     nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
              below, middles of the edges above, middles of the upright edges.
     columns : (n, 3) nodes of each vertex of the sheet: below, above and in the middle of the thickness.
-    middles : (e, 2) nodes of each edge: below and above.
-    """
+    middles : (e, 2) nodes of each edge: below and above."""
 
     nodes: Floats
     elements: Ints
@@ -40,7 +39,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """Return the solid between two surfaces, which are half a thickness away from the middle surface on both sides."""
+    """Return the solid between the two surfaces at half a thickness below and above the middle surface."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -49,7 +48,7 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # top and bottom follow the vertex normals, so faces with opposite normals turn
+    # the top is on the side of the vertex normals, so faces with opposite normals list their corners in reverse
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, numbers = (np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of))
     parts = [columns[F, 0], columns[F, 1], middles[numbers, 0], middles[numbers, 1], columns[F, 2]]
@@ -61,8 +60,7 @@ def solid_compliance(
 ) -> float | None:
     """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
     fixed_nodes : numbers of nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
-    Raises StaticsError if CalculiX fails.
-    """
+    Raises StaticsError if CalculiX fails."""
     program = shutil.which(CCX)
     if program is None:
         return None
@@ -96,7 +94,7 @@ def _input_text(solid: Wedges, material: Material, fixed_nodes: Ints, gravity: F
 
 
 def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
-    """Return all nodes of the end faces on boundary edges between vertices of a mask `marked` (n,)."""
+    """Return the nodes of all end faces on boundary edges with both ends in the mask `marked` (n,)."""
     edges = surface.edges
     is_marked = edges.boundary & marked[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
@@ -110,9 +108,8 @@ THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
 class WedgeModel:
     """A solid with its supports and forces.
     solid    : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
-    opposite : (r, 3) two nodes and a direction in which their displacements are opposite, so that the sheet can turn.
-    force    : (p, 3) newtons.
-    """
+    opposite : (r, 3) two nodes and a direction. Their displacements in it have opposite signs, so the sheet can rotate.
+    force    : (p, 3) newtons."""
 
     solid: Wedges
     material: Material
@@ -125,8 +122,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
     """Return a model with one wedge through the thickness for each triangle.
     normal : (n, 3) unit normals at the vertices, all on one side of the sheet.    thickness : metres.
     Supports hold the middle of the thickness; clamped edges are fixed over the whole thickness. Raises StaticsError for
-    springs.
-    """
+    springs."""
     if load.spring.any():
         raise StaticsError("the nonlinear check has no springs at supports; hold these supports rigidly for the check")
     across = normal[surface.edges.ends].sum(axis=1)
@@ -160,7 +156,8 @@ TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """Output of CalculiX so far: console text, .dat and .sta; `ended` is True if the program ended by itself."""
+    """Output of CalculiX so far: console text, .dat file and .sta file.
+    ended : True if CalculiX ended by itself."""
 
     said: str
     results: str
@@ -168,7 +165,7 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """Return the time of each table of displacements, and the table's rows (k, 4): a node and its displacements."""
+        """Return the time and the rows (k, 4) of each table of displacements: node number and displacements."""
         data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         parsed = []
@@ -197,8 +194,7 @@ def require_ccx() -> str:
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
     """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output. The
-    process and its files are removed in any case, even after a signal.
-    """
+    process and its files are removed in any case, even after a signal."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -240,10 +236,9 @@ FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 @dataclass(frozen=True, eq=False)
 class LoadPath:
     """Path of a structure under growing loads.
-    load    : (k,) factors on the loads, from 0.    u : (k, w, 3) displacements of the w watched nodes, metres.
+    load    : (k,) factors on the loads, from 0.    u : (k, w, 3) displacements of w chosen nodes, metres.
     whole   : True if the path reaches the last requested factor.    late : True if the time limit ended the path.
-    failed  : (f, 2) start point and load increment of each attempt without equilibrium.
-    """
+    failed  : (f, 2) start point and load increment of each attempt without equilibrium."""
 
     load: Floats
     u: Floats
@@ -258,7 +253,8 @@ class LoadPath:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """Return the lowest linear buckling factor and its shape (p, 3) without a scale. Raises StaticsError for none."""
+    """Return the lowest linear buckling factor and its shape (p, 3), which has no scale.
+    Raises StaticsError if there is none."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -286,8 +282,7 @@ def load_path(
     nodes : (p, 3) initial positions, metres.
     stop_point : function of a path that returns the point at which CalculiX may stop, or None.
     Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
-    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails.
-    """
+    The path ends if CalculiX fails or at the time limit. Raises StaticsError if the first step fails."""
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_formatted_rows("%d\n", watched + 1)]
     for factor in factors:
         text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
@@ -298,7 +293,7 @@ def load_path(
         return path, stop_point(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # results after `end` are cut off, so the time of the stop changes nothing
+    path, end = until(files)  # cutting at `end` makes the result independent of the time of the stop
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:

@@ -23,18 +23,14 @@ from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
 """Largest thickness of CPS6 sections over the mean edge. CalculiX makes solid wedges of these sections, and smooths
-changes
-of thickness, which costs shear stiffness. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a third of the
-mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below.
-"""
+changes of thickness, which costs shear stiffness. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a
+third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
     """Return nodes (n + e, 3) in metres, vertices before middles of edges, and triangles (m, 6), corners before
     middles.
-    The fourth node lies between the first and the second, the fifth between the second and the third, the sixth between
-    the third and the first.
-    """
+    Nodes four to six of a triangle lie in the middles of its sides: 1-2, 2-3 and 3-1."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
@@ -46,9 +42,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
     spread : loads per area and per length, which act on the edges' bubble functions, too.
 
     The quadratic shape function of a corner is its hat function minus half of the bubbles of its edges; that of a
-    middle
-    node is the bubble. So middles take the force on the bubbles, and corners lose half of that force.
-    """
+    middle node is the bubble. So middles take the force on the bubbles, and corners lose half of that force."""
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
         on_bubbles = spread.bubble_forces(surface, elements_of("six_nodes"))[:, -3:]
@@ -61,8 +55,7 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
     """Return a mask of the held directions (n + e, 3) of all nodes for each support, from the masks (n, 3) of vertices.
     Middles follow `held_middles`. A middle between two supports belongs to the first support that holds one of its
-    ends.
-    """
+    ends."""
     ends = surface.edges.ends
     unassigned = held_middles(surface, _held_by_any(surface, supports))
     directions = {}
@@ -89,8 +82,7 @@ def six_node_model(
     supports : (n, 3) mask of held directions of the vertices, by name of the support.
     steps    : (n + e, 3) newtons, by name of the step, see `nodal_forces`.
     springs  : (n, 3) newtons per metre on the vertices.
-    element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`.
-    """
+    element  : CPS6 for a flat sheet that is loaded in its plane, across the coordinate `axis`."""
     surface, material, clamped = sheet.surface, sheet.material, sheet.clamped
     edges = surface.edges
     X, T = six_node_triangles(surface)
@@ -110,16 +102,15 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """Return the numbers (3,) of the coordinates that become x, y and z of a file for a view along `axis`."""
+    """Return the coordinates (3,), by number, that become x, y and z of a file for a view along `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
     """Return the model in CPS6, seen along the coordinate `axis`: the two remaining coordinates become x and y.
-    thickness : largest thickness of the section, metres. A stiffer material balances a thinner section: displacements,
+    thickness : largest thickness of the section, metres. A thinner section gets a stiffer material: displacements,
                 reactions and energy stay, and stresses grow.
-    Raises StaticsError for a sheet that is not flat.
-    """
+    Raises StaticsError for a sheet that is not flat."""
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
     turn = axes_of_file(axis)
@@ -161,7 +152,7 @@ LOADS = {
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A model, its surface, and dsfab's own results for the model's steps, with the elements that verdicts use."""
+    """A CalculiX model, its surface, and dsfab's own results for the steps of the model."""
 
     model: CalculixModel
     surface: Surface
@@ -171,9 +162,7 @@ class CheckModel:
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
     """Return the model of a preset's whole surface, with a step for each case and combination. Elements are S6 shells,
-    or
-    CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved.
-    """
+    or CPS6 for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -271,7 +260,7 @@ def _check_model(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Return displacements from elements that give the same displacements as six-node triangles."""
+    """Return results by elements that have the same displacements as six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")

@@ -29,17 +29,15 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
-NameReport = Callable[[str], None]  # receives the name of the next competitor
+NameReport = Callable[[str], None]  # called with the name of the competitor that is next
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """The design and its competitors; a smaller compliance is stiffer. The loads are those that the pattern follows.
-    The
-    compliances of several load cases are added, with the weights of [diffusion] (default 1).
+    """A design and its competitors under the loads that the pattern follows; a smaller compliance is stiffer.
+    Compliances of several load cases are added, with the weights of [diffusion] (default 1).
     task      : the common input.    pattern : measures of the design's pattern, unless its widths are scaled.
-    looked_at : alternatives that do not compete.
-    """
+    looked_at : alternatives that are not among the competitors."""
 
     name: str
     task: ComparisonTask
@@ -51,7 +49,7 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """A thinner sheet and isotropic stripes: judged rivals if they compete, else entries of `looked_at`."""
+        """A thinner sheet and isotropic stripes: as judged if they are competitors, else from `looked_at`."""
         judged = judged_alternatives(self.design, self.rivals)
         return judged + tuple(entry for entry in self.looked_at if entry.name not in {two.name for two in judged})
 
@@ -72,9 +70,7 @@ class Comparison:
 
     def gain(self, name: str) -> float:
         """Return a competitor's compliance over the design's: above 1 the design is stiffer. The result is nan if
-        neither of
-        the two carries the loads.
-        """
+        neither carries the loads."""
         rival, design_compliance = self[name].compliance, self.design.compliance
         if np.isfinite(design_compliance):
             return rival / design_compliance
@@ -109,14 +105,13 @@ def comparison(
     refuse: bool = True,
 ) -> Comparison:
     """Compare the compliance of the design's own cut sheet with competitors of the same mass.
-    against : names of `BASELINES`.     judge : judge of the design and the full sheet; `quick` selects the best
-              variants.
+    against : names of `BASELINES`.     judge : judge of the design and the full sheet. Of several variants, the best by
+              `quick` is judged.
     rival_judge : judge of the competitors; default: `judge`.
     refuse  : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the
               error. Competitors have the mass of the cut sheet; a design that cannot be cut has no competitors.
     Raises StaticsError if the design does not carry its loads, for instance a concentrated load on a loose piece.
-    Raises DsfabError for unknown names.
-    """
+    Raises DsfabError for unknown names."""
     rivals = baselines_by_name(against)
     try:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -141,8 +136,7 @@ def compare_at(
 ) -> Comparison:
     """Compare sheets that all cover `share` of the surface; the design's widths are scaled to that share. If the design
     does not carry its loads, the comparison holds the error. Raises DsfabError for unknown names, or for a share that
-    is not between 0 and 1.
-    """
+    is not between 0 and 1."""
     rivals = baselines_by_name(against)
     if not 0 < share < 1:
         raise DsfabError(f"the share {share:g} of the surface must lie between 0 and 1")
@@ -227,7 +221,7 @@ def _smallest_member(structure: Structure) -> float | None:
     return None if member is None else member.size
 
 
-SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # measured time of a full check of a plane sheet, of another sheet
+SECONDS_PER_TRIANGLE = {True: 4e-4, False: 1.7e-3}  # measured for full checks; True: sheet solved in its plane
 
 Level = Literal["quick", "full"]
 
@@ -236,8 +230,7 @@ Level = Literal["quick", "full"]
 class Checks:
     """Depth of the checks of a comparison.
     level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
-    ask    : number of frequencies and of load factors.        memory : bytes that the solver may take for a full check.
-    """
+    ask    : number of frequencies and of load factors to compute.        memory : limit of a full check, bytes."""
 
     level: str | None = None
     ask: ResultRequest | None = None
@@ -247,8 +240,7 @@ class Checks:
     def judge(self, depth: str, every: bool = False) -> Judge:
         """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
         The depth "whole" exists because one solve is inexact on the coarse meshes of whole sheets.
-        every : whether to judge all cases.
-        """
+        every : whether to judge all cases."""
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
         if depth == "full":
@@ -257,9 +249,8 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Judges of the design (all cases) and of its competitors.
-    told : why the competitors get one solve only; '' for a full check.
-    """
+    """The judge of the design (for all cases) and the judge of its competitors.
+    told : why the competitors get one solve only; '' for a full check."""
 
     own: Judge
     rival: Judge
@@ -273,21 +264,20 @@ def compare(
     against : names of `dsfab.study.baselines.BASELINES`.
     level   : "quick": one solve of each sheet. "full": solves on finer and finer meshes, and a tested error bound.
               None: full for the design, and for competitors if all checks take less than a minute.
-    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
-    """
+    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names."""
     names = tuple(against)
     design_judge, rival, _ = judges(design, names, Checks(level, progress=progress))
     return comparison(design, names, design_judge, partial(progress, "compare"), rival).with_alternatives()
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Return the judges of the design and of its competitors, whose names are `against`."""
+    """Return the judges of the design and of its competitors. against : names of the competitors."""
     names = tuple(baselines_by_name(against))
     if checks.level is None and _can_be_cut(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole_sheets = 1 + ("thinner" in names)
         triangles = whole_sheets * design.surface.m + (2 + len(names) - whole_sheets) * design.sheet.surface.m
-        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, with two meshes
+        seconds = SECONDS_PER_TRIANGLE[plane] * triangles  # on one core, on two meshes
         if seconds > 60:
             reason = f"full checks of all would take about {seconds:.0f} s: cut competitors are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), reason)
@@ -296,10 +286,9 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """Return the judge `full` for comparisons at many shares of one surface; it judges whole sheets of equal thickness
-    once.
-    memory : bytes that the solver may take.
-    """
+    """Return the judge `full` for comparisons at many shares of one surface. It judges whole sheets of the same
+    thickness only once.
+    memory : bytes that the solver may take."""
     judge = partial(full, budget=memory)
     return _full_for_whole_sheets(judge, judge)
 
@@ -312,7 +301,7 @@ def _can_be_cut(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole_judge: Judge, cut: Judge) -> Judge:
-    """Return a judge: `whole_judge` for uncut sheets, once for each thickness, and `cut` for cut sheets."""
+    """Return a judge that uses `cut` for cut sheets and `whole_judge`, once for each thickness, for uncut sheets."""
     judgements: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, structure: Structure) -> Judgement:

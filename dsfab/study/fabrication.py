@@ -23,10 +23,9 @@ from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A limit of [fabrication] and its measured value, metres (for `bed` three lengths each).
-    name  : the key of the limit.    value, place, what : empty if the design has no such feature, which passes.
-    asked : True for a limit from [fabrication]; False for a limit from `least_widths`.
-    """
+    """A limit and its measured value, metres (for `bed` three lengths each).
+    name  : key of [fabrication].    value, place, what : empty if the design has no such feature, which passes.
+    asked : True for a limit of the preset's [fabrication]; False for a limit from `least_widths`."""
 
     name: str
     limit: tuple[float, ...]
@@ -39,9 +38,8 @@ class Check:
 
 @dataclass(frozen=True)
 class PieceContacts:
-    """A piece of the sheet with its area (m2), and the numbers of the supports and loads that act on it, from 1.
-    names : names of these supports and loads.
-    """
+    """A piece of the sheet with its area (m2), and the supports and loads that act on it, by number from 1.
+    names : names of these supports and loads."""
 
     area: float
     supports: tuple[int, ...]
@@ -92,10 +90,9 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 def refusals(design: Design, measured: FabricationMeasures | None = None) -> tuple[str, ...]:
     """Return reasons, as clauses, why a design must not be exported without the user's consent. Reasons are loads that
-    nothing carries, and a sheet thinned to a film. For a workshop design, they are also members and openings that are
-    below their limit and below a millimetre.
-    measured : measures of the design; None leaves out the reasons that need measures.
-    """
+    nothing carries, and a sheet thinned to a film. In a workshop design, members and openings under a millimetre and
+    under their limit are reasons, too.
+    measured : measures of the design; None leaves out the reasons that need measures."""
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
         sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
@@ -115,8 +112,7 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
 
 def require_fit(design: Design, measured: FabricationMeasures | None = None, measure: bool = True) -> None:
     """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
-    measure : whether to measure a workshop design if `measured` is None.
-    """
+    measure : whether to measure a workshop design if `measured` is None."""
     if measured is None and measure and design.resolved_preset.pattern.for_workshop:
         measured = fabrication(design)
     if not design.preset.fabrication.accept and (why := refusals(design, measured)):
@@ -140,7 +136,7 @@ def _piece_contacts(design: Design) -> tuple[PieceContacts, ...]:
     def numbers_touching(entries: Sequence[object]) -> list[list[int]]:
         numbers: list[list[int]] = [[] for _ in range(count)]
         for number, entry in enumerate(entries, 1):
-            if (picker := getattr(entry, "at", None)) is not None:  # self-weight acts everywhere
+            if (picker := getattr(entry, "at", None)) is not None:  # self-weight has no picker
                 for k in _pieces_at(design, picker, label):
                     numbers[k].append(number)
         return numbers
@@ -167,7 +163,7 @@ def _pieces_at(design: Design, picker: Picker, label: Ints) -> list[int]:
 
 ATTEMPTS = 8  # limit on the number of changes, because after each change the whole design is measured
 MARGIN = 1.02  # factor from a limit to the requested width, because slicing moves lines slightly
-COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies if wider members do not suffice
+COARSER, COARSEST = 0.85, 0.6  # largest and smallest factor on frequencies, used if wider members do not suffice
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,12 +176,11 @@ class FixedDesign:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesign:
-    """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails. Members
-    widen by pattern.width.min_width, and by the rim or the kept region if these are narrow. The key
-    pattern.width.min_gap fills gaps between two stripes of a family; slicing.min_opening fills gaps between families.
-    Later changes raise both keys and lower the frequencies. Each design starts from the stages of the previous design.
-    Raises PatternError if another section must change (walls, bed), or if `ATTEMPTS` changes do not suffice.
-    """
+    """Return the design, changed until no check of its [fabrication] fails.
+    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
+    pattern.width.min_gap fills gaps between stripes of a family, and slicing.min_opening fills gaps between families.
+    Later changes also lower the frequencies. Each new design uses earlier stages of the previous design. Raises
+    PatternError if another section must change (walls, bed), or if `ATTEMPTS` changes do not suffice."""
     original, measured = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
         if not measured.failed_checks:
@@ -195,7 +190,7 @@ def fixed_design(design: Design, progress: Progress | None = None) -> FixedDesig
         changes = _changes(design, measured) | (_fewer_stripes(design, measured) if turn >= ATTEMPTS // 2 else {})
         try:
             design = revise(design, with_overrides(design.preset, changes), progress)
-        except PatternError:  # wider stripes may contradict the share of material
+        except PatternError:  # wider stripes may need more than the requested share of material
             design = revise(design, with_overrides(design.preset, _fewer_stripes(design, measured)), progress)
         measured = fabrication(design)
     if measured.failed_checks:

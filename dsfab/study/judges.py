@@ -34,12 +34,12 @@ class CaseResponse:
     compliance, displacement : joules, and metres with its place.
     stress, tension, compression : Pa, on the finest solved mesh; see `dsfab.study.verdict.estimates`.
     triangles   : number of triangles of that mesh.
-    utilisation : stress over strength, as two values. The first holds for 99 % of the area. The second is the largest
-                  at a rib's width from corners.
+    utilisation : two values of stress over strength. 99 % of the area does not exceed the first. The second is the
+                  largest at a rib's width or more from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
     buckling, frequency : lowest load factor, and hertz; None without a request or a result.
-    buckling_bound, frequency_bound : relative half width of their intervals, by two or three meshes; None for one mesh.
+    buckling_bound, frequency_bound : half width of their intervals over the value; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
     """
@@ -70,7 +70,7 @@ class Judgement:
     verdict    : status of the bound (reliable or not); `reason` explains it.
     cases      : by name, the response to each load, by one solve on the unrefined mesh.
     check      : the verdict on several meshes; None for one mesh.
-    theory     : share by which a solid may be softer, see `dsfab.study.verdict`; None by one solve.
+    theory     : fraction by which a solid may be softer than the shell, see `dsfab.study.verdict`; None by one solve.
     """
 
     compliance: float
@@ -105,9 +105,8 @@ class AnsweredLoad:
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, AnsweredLoad]:
-    """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
-    StaticsError if the structure does not carry its loads, for instance a concentrated load on a loose piece.
-    """
+    """Solve a structure's sheet for each load that the pattern follows, or for all cases and combinations if `every`.
+    Raises StaticsError if the structure does not carry its loads, for instance a concentrated load on a loose piece."""
     statics, surface = task.preset.statics, structure.sheet.surface
     loads = sheet_loads(task.surface, structure.material, structure.sheet, task.loads_on(structure, every))
     sheet = statics.sheet(structure.thickness).model_for(surface)
@@ -122,12 +121,11 @@ def quick(
     task: ComparisonTask, structure: Structure, ask: ResultRequest | None = None, every: bool = False
 ) -> Judgement:
     """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions. The error is typically
-    within 2 %, and within 5 % for nine designs in ten; 5 % is the bound. So compare only similar sheets; the result is
-    not a verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
+    within 2 %, and for nine designs in ten within 5 %, which is the bound. This allows a comparison of similar sheets,
+    but no verdict. Whole sheets that bend get a bound of 50 %, because the error for the dome's thinner sheet was 32 %.
     ask   : number of frequencies and load factors; only the lowest is computed.
     every : whether to judge each case and combination, and not only those that the pattern follows.
-    Raises StaticsError as `solved_loads` does.
-    """
+    Raises StaticsError as `solved_loads` does."""
     answers, request = solved_loads(task, structure, every), ask or ResultRequest()
     cases = {name: _case_response(task, structure, answered, request) for name, answered in answers.items()}
     total = sum(weight * cases[name].compliance for name, weight in task.preset.followed_weights.items())
@@ -161,7 +159,7 @@ def _case_response(
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Return stress over strength for 99 % of the area, and at a rib's width from corners; None without a strength."""
+    """Return the two values of `CaseResponse.utilisation`; None without a strength."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
@@ -180,7 +178,7 @@ def _reactions(
 
 
 def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return a mask (n', 3) of the directions in which a support holds the cut sheet, rigidly or by springs."""
+    """Return a mask (n', 3) of the directions in which a support or its springs hold each vertex of the cut sheet."""
     springs = sheet.vertices_between(surface, support.springs(surface) > 0)
     return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 
@@ -223,8 +221,7 @@ def full(
     every : whether to judge each case and combination. If the sheet does not carry a case that the pattern does not
             follow, the verdict is `fail`.
     ask   : as for `quick`.         budget : bytes.
-    Raises StaticsError if the structure does not carry the loads that its pattern follows.
-    """
+    Raises StaticsError if the structure does not carry the loads that its pattern follows."""
     try:
         quick_judgement = quick(task, structure, None, every)
     except StaticsError as error:

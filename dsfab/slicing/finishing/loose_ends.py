@@ -1,4 +1,4 @@
-"""Loose ends of stripes: cut back to the last crossing, joined in faces without a phase, or closed into material."""
+"""Loose ends of stripes: remove them, join them at a node, or fill the openings that they end in."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,13 +16,14 @@ from dsfab.surface.fields import CornerField
 
 @dataclass(frozen=True, eq=False)
 class Tidy:
-    """Stripes that `tidied_polygons` may remove, so that later fields must divide these stripes, too.
+    """Rules by which finishing removes stripes.
+
+    Later fields must also divide stripes that may be removed, because their own stripes then remain there.
 
     striped : for each field True if it draws stripes; material of a field without stripes stays.
     astray  : for each field (m,) faces in which its stripes run across their direction, or None.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values or None: openings with a positive mean become material.
-    """
+    closed  : for each field (n,) values or None; an opening over which the mean value is positive becomes material."""
 
     striped: tuple[bool, ...]
     astray: tuple[Bools | None, ...]
@@ -33,7 +34,9 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def divided_again(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """(c,) stripes of field k that later fields must divide, because they meet a blank face (m,) or go astray."""
+        """Mask (c,) of stripes of field k that later fields must divide: stripes that touch a `blank` or `astray` face.
+
+        blank : (m,) faces without a phase of field k, and the faces beside them."""
         own_polygons = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not own_polygons.any():
             return np.zeros_like(own_polygons)
@@ -54,12 +57,11 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     """Make openings material by field values; return also their number.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
-             with a positive mean over its area. Nearly equal openings close all or none.
-    """
+             with a positive mean over its area. Of nearly equal openings, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 stands for all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # opening 0 is all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
@@ -79,9 +81,7 @@ CROSSING, KEPT, NODE = -1, -2, -3
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """Remove parts of stripes that run across their direction, then parts that lead nowhere; return also their
-    number.
-    """
+    """Remove parts of stripes that run across their direction, then dead ends; return also their number."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _loose_polygons(mesh, tidy.anchor, part, gone, stays)
@@ -90,21 +90,25 @@ def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]
 
 
 def dependent_polygons(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
-    """(c,) the polygons of the nodes (c,), and of parts that would be dead ends without these nodes."""
+    """Mask (c,) of polygons of `nodes` (c,), and of stripes that would be dead ends without these nodes."""
     part, gone, stays = _parts(mesh, tidy, nodes)
     gone[part[nodes]] = True
     return _loose_polygons(mesh, tidy.anchor, part, gone, stays)[0] & ~mesh.void
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """(c,) the part of each polygon of a stripe between two crossings, and of nodes (c,); -1 elsewhere."""
+    """For each polygon (c,) the number of the stretch of a stripe that it belongs to; -1 outside stripes.
+
+    Stretches lie between two crossings or nodes; each group of nodes is a stretch, too."""
     part, _, stays = _parts(mesh, tidy, nodes)
     single_stripe = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(single_stripe, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """The part (c,) of each polygon, with nodes (c,) as parts; masks (p,) of void parts and parts that always stay."""
+    """Divide the polygons into parts at crossings and `nodes` (c,).
+
+    Return the part (c,) of each polygon, and masks (p,) of void parts and of parts that always stay."""
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -119,11 +123,11 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """Masks (c,) of polygons of removed parts and parts that then lead nowhere, and of polygons that this cuts off.
+    """Masks (c,) of two kinds of polygons to remove: removed parts with the dead ends that they leave, and islands.
 
-    stays : (p,) parts that always stay. Where a crossing has lost one member, the second member ends. So a part with a
-    single neighbour joins this neighbour if the part is as short as wide, because it is not an end by itself.
-    """
+    Islands are pieces that the removal cuts off from the supports and from the edges of the surface.
+    stays : (p,) parts that always stay. After dead ends are removed, a remaining part with a single neighbour is as
+            short as wide. It joins this neighbour, and the search for dead ends repeats."""
     before = gone
     while True:
         touching = Contacts.from_parts(mesh, part, anchor)
@@ -138,7 +142,7 @@ def _loose_polygons(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, s
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """(p,) parts with more than 30 % of their area where their stripes run across their direction."""
+    """Mask (p,) of parts whose stripes run across the field's direction on more than 30 % of the part's area."""
     area, strays = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
@@ -147,11 +151,9 @@ def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequence[Floats]) -> tuple[PolygonMesh, int]:
-    """Make void polygons material where middles of stripes meet in faces without a phase; return also the number of
-    polygons.
+    """Make void polygons material where stripes meet in faces without a phase; return also the number of polygons.
 
-    fields, levels : those of the cut, in order; only a `CornerField` has such faces.
-    """
+    fields, levels : those of the cut, in order; only a `CornerField` has faces without a phase."""
     corner_fields = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in corner_fields.items()}
     open_ = np.any(list(blank.values()), axis=0) if blank else np.zeros(len(mesh.parent), dtype=bool)
@@ -173,23 +175,22 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[Field], levels: Sequen
 
 
 def nodes_of(mesh: PolygonMesh) -> Bools:
-    """(c,) mask of material where stripes end at a node, in faces without a phase."""
+    """Mask (c,) of nodes: material in faces without a phase, where stripes end."""
     return np.asarray((mesh.also == mesh.family) & ~mesh.void)
 
 
 def _old_nodes(mesh: PolygonMesh, corner_fields: dict[int, CornerField]) -> Bools:
-    """(c,) existing nodes: whole faces without a phase that their own field made material."""
+    """Mask (c,) of older nodes: undivided faces without a phase that their own field made material."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in corner_fields.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Blank polygons (q,) of a mask (c,) at which middles of field k end, and the vertex (q,) of each end.
+    """Polygons (q,) of the mask `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
-    An end on a side has a unique number below 0 in place of a vertex. On the plane of a mirror, middles run through
-    vertices. The faces on both sides see such an end, and it counts once.
-    """
+    An end between two vertices of a side has a unique negative number. In a mirrored pattern, middle lines run through
+    vertices. Faces on both sides find such an end, but the vertex number shows that it is a single end."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])
@@ -222,7 +223,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
         slots = slice(cells.start[node], cells.start[node + 1])
         parts = _without_free_corners(mesh.X[cells.corner[slots]], has_neighbour[slots])
         polygons += [cells.corner[slots][part] for part in parts]
-        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # chords are not among the sides
+        ends = [(part, (part + 1) % cells.sizes[node]) for part in parts]  # new sides lie on no line
         sides_on += [cells.sides_on[slots][part] * (np.roll(part, -1) == end) for part, end in ends]
         source += [node] * len(parts)
         void += [k > 0 for k in range(len(parts))]
@@ -230,7 +231,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     unchanged = cells.subset(rest)
     corner, lines = np.concatenate([unchanged.corner, *polygons]), np.concatenate([unchanged.sides_on, *sides_on])
     every = Cells(np.cumsum(sizes).astype(np.int64), corner, lines)
-    order = np.argsort(source, kind="stable")  # this restores the order of parent faces
+    order = np.argsort(source, kind="stable")  # polygons of a parent face follow each other again
     source_polygon, removed = np.array(source, dtype=np.int64)[order], np.array(void)[order]
     family, also = (np.where(removed, VOID, x[source_polygon]) for x in (mesh.family, mesh.also))
     parent, again = mesh.parent[source_polygon], mesh.again[source_polygon]
@@ -238,7 +239,7 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _without_free_corners(X: Floats, has_neighbour: Bools) -> list[Ints]:
-    """Divide a convex polygon X (s, 3): first the part between its marked sides (s,), then the corners."""
+    """Divide a convex polygon X (s, 3): first the part between its sides with neighbours, then its free corners."""
     count, every = len(X), np.arange(len(X))
     least = 1e-3 * _area(X)  # smaller corners stay
     marked = has_neighbour | np.roll(has_neighbour, 1)

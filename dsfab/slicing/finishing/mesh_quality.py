@@ -17,8 +17,7 @@ class Quality(NamedTuple):
     """Shape of triangles.
 
     worst_angle : the smallest angle, degrees, at `place` (3,).    needles : the share of triangles under 1 degree.
-    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997].
-    """
+    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997]."""
 
     worst_angle: float
     place: Floats
@@ -52,10 +51,9 @@ GAIN = 1.01
 
 @dataclass(frozen=True, eq=False)
 class CellMesh:
-    """A sheet between two steps of its improvement, and the surface `uncut` that it was cut from.
+    """A cut sheet while steps improve its cells, and the surface `uncut` that it was cut from.
 
-    strayed : (n',) largest possible move of the stripe edges at a vertex so far, metres.
-    """
+    strayed : (n',) largest distance, metres, that the edges of stripes at each vertex may have moved so far."""
 
     sheet: Sheet
     uncut: Surface
@@ -105,9 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the neighbours of each vertex along lines. With two neighbours, the second is this sum less
-        the first.
-        """
+        """(n',) sum of the numbers of each vertex's neighbours along lines; of two neighbours, one gives the other."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -132,12 +128,12 @@ class CellMesh:
 
     @cached_property
     def stars(self) -> tuple[Ints, Ints]:
-        """Cells (3 m',) and limits (n' + 1,): the cells around vertex v are faces[start[v] : start[v + 1]]."""
+        """Cells (3 m',), sorted by vertex, and start (n' + 1,): cells[start[v] : start[v + 1]] lie around vertex v."""
         start = np.concatenate([[0], np.cumsum(np.bincount(self.surface.F.ravel(), minlength=len(self.surface.V)))])
         return equal_key_groups(self.surface.F.ravel())[0] // 3, start
 
     def star_cells(self, vertex: Ints) -> tuple[Ints, Ints]:
-        """Rows into `vertex` (k,), ascending, and the cells around the vertex of each row."""
+        """Return all cells around vertices (k,), and for each cell the index of its vertex in `vertex`, ascending."""
         faces, start = self.stars
         count = start[vertex + 1] - start[vertex]
         row = np.repeat(np.arange(len(vertex)), count)
@@ -145,16 +141,18 @@ class CellMesh:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, sides_on: Ints, keep: Bools, strayed: Floats) -> "CellMesh":
-        """Return the marked cells (m',) of F (m', 3), with sides on lines (m', 3); `strayed` (n',) metres."""
+        """Return the mesh with those triangles F (m', 3) that `keep` (m',) marks.
+
+        sides_on : (m', 3) lines on the sides of all F.    strayed : (n',) see `CellMesh`."""
         columns = (self.sheet.parent[keep], self.sheet.family[keep], self.sheet.weights, 0, sides_on[keep])
         sheet = Sheet(Surface(self.surface.V, F[keep]), *columns, self.sheet.lines)
         return CellMesh(sheet, self.uncut, strayed)
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) mask of steps that share no face with a better step; step row[i], with rank[row[i]], needs face[i] of m
-    faces.
-    """
+    """Mask (k,) of steps that change no face of a step with a lower rank.
+
+    row, face : step row[i] changes face[i], for each i; m is the number of faces."""
     lowest_rank = np.full(m, len(rank))
     np.minimum.at(lowest_rank, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -163,9 +161,7 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
 
 
 class CollapseMoves(NamedTuple):
-    """Moves of vertices v (k,) onto their neighbours w (k,), and the distance (k,) of stripe edges from their
-    places, metres.
-    """
+    """Moves of vertices v (k,) onto neighbours w (k,), and the metres (k,) by which edges of stripes move."""
 
     v: Ints
     w: Ints
@@ -205,10 +201,10 @@ def collapse_edges(cut: CellMesh, tolerance: float) -> tuple[CellMesh, int]:
 
 
 def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
-    """(m', 3) lines of the half-edges where cells (k,) vanish, because one of their vertices v moves onto w.
+    """Return `sides_on` (m', 3) after `cells` (k,) lose their area, because a vertex v of each moves onto w.
 
-    The cell beyond the side v-x then has the side w-x, and gets its line.
-    """
+    With the third corner x, side v-x then coincides with side w-x. If one of both lies on a line, so does the side of
+    the cell beyond v-x."""
     row, F = np.arange(len(cells)), sheet.surface.F[cells]
     place = (onto[F] != F).argmax(axis=1)
     begins_at_w = F[row, (place + 1) % 3] == onto[F[row, place]]
@@ -220,7 +216,9 @@ def _merged_sides(sheet: Sheet, cells: Ints, onto: Ints) -> Ints:
 
 
 def _candidates(cut: CellMesh) -> CollapseMoves:
-    """Moves of new vertices away from cells with angles under 25 degrees, within all uncut faces around them."""
+    """Moves of vertices that the cut added, from edges of material triangles with angles under 25 degrees.
+
+    A move is left out if it would take a triangle out of its uncut face."""
     poor = (cut.smallest_angle < 25) & cut.sheet.material
     edge = distinct(cut.surface.edges.of[poor])
     v, w = np.concatenate([cut.surface.edges.ends[edge], cut.surface.edges.ends[edge][:, ::-1]]).T
@@ -235,11 +233,11 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """The moves that keep the topology of all lines, and their places up to the tolerance, metres.
+    """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
 
-    A vertex without lines may go anywhere. A vertex on a line may move along the line, or to a vertex without lines.
-    Two joints of three lines may meet along an edge between material and void, because their material stays one fan.
-    Vertices stay on the boundary of the surface."""
+    A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
+    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of the
+    surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))
@@ -248,7 +246,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
     step = np.linalg.norm(cut.surface.V[v] - cut.surface.V[w], axis=1)
     slides = along & (count[v] == 2)
     total = cut.line_ends
-    u = np.where(slides, total[v] - w, v)  # u is the second neighbour on the line
+    u = np.where(slides, total[v] - w, v)  # u is v's other neighbour on the line
     distance = np.where(slides, distances_from_segments(cut.surface.V[v], cut.surface.V[u], cut.surface.V[w]), step)
     distance[distance <= 1e-12 * np.abs(cut.surface.V).max()] = 0  # smaller distances are rounding errors
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + distance, 0)
@@ -260,7 +258,7 @@ def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> Colla
 
 
 def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves, Floats]:
-    """The moves that raise the smallest angle of material and do not lower that of void; and the gain, degrees."""
+    """Select moves that raise the smallest angle of material, and not lower that of void; return gains in degrees."""
     row, face = cut.star_cells(moves.v)
     F, material, parent = cut.surface.F[face], cut.sheet.material[face], cut.sheet.parent[face]
     v, w = moves.v[row], moves.w[row]
@@ -278,11 +276,9 @@ def _improving_moves(cut: CellMesh, moves: CollapseMoves) -> tuple[CollapseMoves
 
 
 def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F: Ints) -> Bools:
-    """(k,) True if the ends of an edge share only the neighbours across its cells: the link condition [Dey et al.
-    1999].
+    """Mask (k,) of moves v -> w whose only common neighbours are opposite vertices of edge v-w [Dey et al. 1999].
 
-    It also excludes triangles of lines that would close.    row, F : the cells around each v.
-    """
+    Moves that would close a triangle of three lines are excluded, too.    row, F : the cells around each v."""
     star_vertices = np.repeat(row, 3), F.ravel()
     is_neighbour = (star_vertices[1] != moves.v[star_vertices[0]]) & (star_vertices[1] != moves.w[star_vertices[0]])
     pair = distinct(star_vertices[0][is_neighbour] * len(cut.surface.V) + star_vertices[1][is_neighbour])
@@ -295,12 +291,12 @@ def _satisfies_link_condition(cut: CellMesh, moves: CollapseMoves, row: Ints, F:
 
 
 def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
-    r"""Flip edges once to raise the smaller smallest angle of two cells; return also the number of flips.
+    r"""Flip edges once where this raises the smallest angle of two neighbouring cells; return also the number of flips.
 
       c            c
-     /|\\          / \\       Only between cells of the same family and face: across faces of a curved surface a flip
+     /|\          / \        Only between cells of the same family and face: across faces of a curved surface a flip
     a | b   ->   a---b      would change its shape.
-     \\|/          \\ /
+     \|/          \ /
       d            d
     """
     h, g = cut.surface.edges.pairs.T
@@ -314,7 +310,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
     parent = parent[f]
     new_angle = np.minimum(cut.angles(first_cell, parent), cut.angles(second_cell, parent))
     old_angle = np.minimum(cut.smallest_angle[f], cut.smallest_angle[e])
-    better = np.flatnonzero(new_angle > GAIN * old_angle)  # in a plane face a and b have no other edge
+    better = np.flatnonzero(new_angle > GAIN * old_angle)  # no other edge joins a and b in a plane face
     better = better[np.argsort(-(new_angle - old_angle)[better], kind="stable")]
     rank = np.arange(len(better))
     pair_faces = np.concatenate([f[better], e[better]])
@@ -333,10 +329,9 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
 class ImprovedSheet:
     """A sheet with better shaped cells.
 
-    sheet         : all cells, material and void.      flips, collapses : their numbers.
-    before, after : the shape of the material's cells.
-    strayed       : largest move of the edges of stripes, metres.
-    """
+    sheet         : all cells, material and void.      flips, collapses : numbers of both steps.
+    before, after : the shape of the material's cells before and after these steps.
+    strayed       : largest move of the edges of stripes, metres."""
 
     sheet: Sheet
     flips: int
@@ -364,10 +359,8 @@ def improve_cells(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Impro
 
     Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
     the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes an angle that
-    is
-    smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
-    Otherwise its area changes by less than the tolerance times the length of its edges.
-    """
+    is smaller than all angles of the cells it removes. With tolerance 0 the material covers the same points as before.
+    Otherwise its area changes by less than the tolerance times the length of its edges."""
     cut = CellMesh(replace(sheet, sides_on=sheet.lines_of_edges), uncut, np.zeros(sheet.surface.n))
     flips = collapses = 0
     for _ in range(40):  # most sheets need under ten rounds

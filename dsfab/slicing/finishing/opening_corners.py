@@ -20,8 +20,7 @@ class Arcs:
 
     foot_a, foot_b : (k, 2) points of contact.
     way_a, way_b   : (k,) metres from the corner to the feet, along the walls.
-    touching       : (k,) mask of the arcs that touch both walls.
-    """
+    touching       : (k,) mask of the arcs that touch both walls."""
 
     centre: Floats
     radius: Floats
@@ -48,9 +47,10 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Normals (k, 2, 2) of the lines from the middle through both feet, away from the arc; distances (k, 2).
+        """Unit normals (k, 2, 2) of the lines from the centre through both feet; distances (k, 2) of the lines from the
+        origin.
 
-        The region that an arc fills lies on the inner side of both lines."""
+        Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
         normal = np.stack([np.stack([a[:, 1], -a[:, 0]], axis=1), np.stack([-b[:, 1], b[:, 0]], axis=1)], axis=1)
         return normal, np.einsum("kci,ki->kc", normal, self.centre)
@@ -58,8 +58,7 @@ class Arcs:
     def chords(self) -> tuple[Floats, Floats]:
         """Outward unit normals (k, c, 2) of equal chords of each arc, and their distance (k, c) from the origin.
 
-        Unused chords have a normal of 0 and a distance of 1: everything lies within them.
-        """
+        Missing chords have a normal of 0 and a distance of 1, so that every point lies inside them."""
         number = np.arange(6)  # six chords are enough for half a circle
         count = np.maximum(np.ceil(self.angle / CHORD), 1)
         step = self.angle / count
@@ -77,8 +76,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
     first_centre : (k, 2) first guess; default: the circles that touch the walls beside the corners.
 
     The void is on the right of a and on the left of b. Newton's method acts on both distances: the circle that touches
-    the tangents at the nearest points is the next guess.
-    """
+    the tangents at the nearest points is the next guess."""
     if first_centre is None:
         centre, valid = _first_centres(a, b, radius)
     else:
@@ -138,8 +136,7 @@ class Corners:
     """Corners (k,) along walls, in the order of the walls.
 
     first : (k,) the wall that begins at a corner.    turn : (k,) radians, to the left.
-    place : (k,) metres along the chain. The foot of an existing arc is a corner that does not turn.
-    """
+    place : (k,) metres along the chain. The foot of an existing arc is a corner that does not turn."""
 
     walls: Walls
     first: Ints
@@ -162,9 +159,8 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do
-        not turn.
-        """
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do not
+        turn."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -203,12 +199,16 @@ class Corners:
 
     @cached_property
     def tangents(self) -> Floats:
-        """(k,) metres of straight wall from a corner to the foot of an arc of radius 1 m, for turns to 170 degrees."""
+        """(k,) distance, metres, from a corner between straight walls to the foot of an arc of radius 1 m.
+
+        Turns over 170 degrees count as 170 degrees."""
         return np.asarray(np.tan(np.minimum(self.turn, np.radians(170)) / 2))
 
     @cached_property
     def rooms(self) -> tuple[Floats, Floats]:
-        """(k,) metres of the walls before and behind that each corner may take, in proportion to the tangents."""
+        """(k,) metres of the walls before and behind each corner that its arc may use.
+
+        The two corners of a wall share it in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
@@ -240,9 +240,9 @@ class Corners:
         return np.hstack([centre, np.cross(frames[:, 0], frames[:, 1]), arcs.radius[:, None]])
 
     def arcs(self, rows: Ints, radius: Floats) -> tuple[Arcs, Floats]:
-        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) by which they shrink.
+        """Return arcs of radii (p,), metres, in the `frames` of corners (p,), and factors (p,) on these radii.
 
-        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that touches no walls."""
+        A factor is 1 for an arc that fits between its neighbours, and `SMALLER` for an arc that misses a wall."""
         reach = 2 * radius * self.tangents[rows] + radius
         ahead, behind = (np.minimum(length[rows], reach) for length in self.wall_lengths)
         arcs = tangent_arcs(self.wall_line(rows, ahead, back=True), self.wall_line(rows, behind, back=False), radius)
@@ -250,7 +250,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # `rooms` leave a slightly larger margin
+        fits = 0.995  # less than 1, because the margin of `rooms` is larger
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
@@ -273,7 +273,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """(p,) mask of vertices (p,) on the wall between the feet of arcs (p,), or within 2 % of a radius of them."""
+        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of them."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

@@ -22,8 +22,7 @@ NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it.
 
 Crowded members are designed as wide as the openings between them; on flat triangles their width is right to some
-percent.
-"""
+percent."""
 CRUMB, SEVERAL = 0.35, 8
 """CRUMB is the largest size of a crumb, as a share of the median opening. A median needs SEVERAL openings."""
 ALIKE = 0.03
@@ -34,7 +33,7 @@ ALIKE = 0.03
 class Openings:
     """Enclosed openings of a sheet, and openings that the edge of the surface cuts; see `openings_of`.
 
-    void  : all void cells (f,), or a part of them.    material : all material cells.
+    void  : void cells (f,) of these openings.    material : all material cells.
     label : (f,) the opening of each void cell.    count : number of openings."""
 
     void: SheetPart
@@ -57,17 +56,17 @@ class Openings:
 
     @cached_property
     def hydraulic_diameters(self) -> Floats:
-        """(o,) hydraulic diameters 4 area / perimeter; infinite for openings that walls do not enclose wholly."""
+        """(o,) hydraulic diameters 4 area / perimeter; infinite for openings at the edge of the surface."""
         return hydraulic_diameters(self.void.surface, self.void.walls, self.label, self.count)
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening over the narrower of the two members beside it: the median along its walls.
+        """(o,) width of each opening over the width of the narrower member beside it, as the median along its walls.
 
-        The width is at least half of 4 area / perimeter, the width of a long slit. An opening with few opposite walls,
-        such as a triangle, counts with the side of the square of equal area. If 5 to 25 % of the walls are opposite,
-        the result is the weighted harmonic mean of both widths. It is infinite without members, and for openings with
-        few opposite walls at the edge of the surface."""
+        A wall counts if it has an opposite wall. If under 5 % of the walls have one, as in a triangle, the square of
+        equal area gives the width. From 5 to 25 %, the result is a weighted harmonic mean of both. The width is at
+        least half of 4 area / perimeter, the width of a long slit. The ratio is infinite without members, and at the
+        edge of the surface for openings with few opposite walls."""
         across, wall, member = self._crossings, np.flatnonzero(self.void.walls), self._member_widths
         label, has_ratio = self.label[across.face], ~np.isnan(self._width_ratio)
         between = weighted_medians(self._width_ratio, across.weight, label, self.count)
@@ -81,7 +80,7 @@ class Openings:
         opposite_share = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         opposite_share = np.where(enclosed, opposite_share, opposite_share == 1)
         result = _harmonic(between, square, opposite_share)
-        around[~enclosed] = 1.0  # any value avoids a division by 0
+        around[~enclosed] = 1.0  # not used, but prevents a division by 0
         return np.where(enclosed, np.maximum(result, self.hydraulic_diameters / (2 * around)), result)
 
     @cached_property
@@ -91,12 +90,10 @@ class Openings:
 
     @cached_property
     def crowded_slits(self) -> Bools:
-        """(o,) mask of slits between members that are nearer to each other than most members.
+        """Mask (o,) of slits in places where members are denser than usual.
 
-        In a dense pattern all openings are narrower than members. If all were closed, the structure would change. So
-        the limit
-        depends on `CROWDING` and the median width of members over their distance.
-        """
+        In a dense pattern all openings are narrower than members, and closing all would change the structure. So the
+        limit on `narrowness` falls with its median, see `CROWDING`."""
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.void.surface.areas, self.count), 0.0)
         usual = float(weighted_medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
         least = NARROWER * min(1.0, max(0.0, (1 + usual) / CROWDING - 1))
@@ -120,9 +117,9 @@ class Openings:
 
     @cached_property
     def _width_ratio(self) -> Floats:
-        """(k,) length of each line across an opening over the width of the narrower member beside it; NaN without
-        members.
-        """
+        """(k,) width of the opening along each crossing line, divided by that of the narrower member beside it.
+
+        It is NaN for a line without a member beside it."""
         member = self._member_widths[self.void.parent_edges[self._crossings.walls]]
         return np.asarray(self._crossings.width / np.fmin(*member.T))
 
@@ -136,8 +133,7 @@ class Openings:
     def _member_widths(self) -> Floats:
         """(e',) widths of the members behind the walls, on the edges of the whole sheet; NaN elsewhere.
 
-        Material broader than 2.5 medians consists of several members and counts with the median.
-        """
+        Material broader than 2.5 medians consists of several members and counts with the median."""
         wall_edges = np.zeros(len(self.void.cut_surface.edges.ends), dtype=bool)
         wall_edges[self.void.parent_edges[self.void.walls]] = True
         surface, sheet_edges = self.material.surface, self.material.parent_edges
@@ -158,7 +154,9 @@ def openings_of(sheet: Sheet) -> Openings | None:
 
 
 def with_filled(sheet: Sheet, chosen: Bools) -> Sheet:
-    """Return a sheet with the marked openings (o,) as material, each of the largest family beside it."""
+    """Return a sheet with the marked openings (o,) as material.
+
+    Each opening gets the family beside it with the largest number."""
     openings = openings_of(sheet)
     if openings is None or not chosen.any():
         return sheet
@@ -184,15 +182,14 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
     """Make every opening smaller than `size` metres material; return also their number.
 
-    alike : if True, nearly equal openings of about that size are filled all or none.
+    alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls, limited to between half and all of 4 area / perimeter,
-    because a triangle with a long tip has opposite walls in the tip only.
-    """
+    The size of an opening is its median width along the walls. It is at least half of 4 area / perimeter and at most
+    4 area / perimeter, because a triangle with a long tip has opposite walls in the tip only."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():
         return cells, 0
-    candidates = openings.subset(may_be_small)  # because fewer openings take a tenth of the time
+    candidates = openings.subset(may_be_small)  # saves nine tenths of the time
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
@@ -205,12 +202,9 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     """Make every opening that is far smaller than most openings material; return also their number.
 
-    Sizes are 4 area / perimeter of enclosed openings. An opening that is 2.5 times as wide as the members beside it
-    stays,
-    because the filling would be a plate between thin members. Nearly equal openings are filled all or none. Crumbs
-    arise
-    where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
-    """
+    Only enclosed openings count, and their size is 4 area / perimeter. An opening 2.5 times as wide as the members
+    beside it stays, because material there would be a plate between thin members. Of nearly equal openings, all or none
+    become material. Crumbs arise between crowded members, and where a member cuts a corner off an opening."""
     openings = openings_of(cells)
     if openings is None or np.isfinite(diameters := openings.hydraulic_diameters).sum() < SEVERAL:
         return cells, 0
@@ -247,8 +241,7 @@ class Strip:
     """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
     middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width,
-             metres.
-    """
+             metres."""
 
     cells: Ints
     family: int
@@ -289,9 +282,8 @@ class Strip:
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
     """Make strips, and small openings that they cut off, material; return also the number of strips.
 
-    One call makes as many strips as possible.
-    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`.
-    """
+    A strip that shares a vertex with an earlier strip is left out.
+    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`."""
     if not (strips := [strips[k] for k in disjoint_groups(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_fill_strips(cells, strips, snap), cells.surface.n, width), len(strips)
@@ -333,7 +325,7 @@ def _fill_strips(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """Fill small openings beside strips. New vertices, from the number `before` on, belong to strips."""
+    """Fill small openings beside strips; vertices with numbers from `before` on belong to strips."""
     openings = openings_of(cells)
     if openings is None:
         return cells

@@ -4,8 +4,7 @@
     . . . .  x . . . .            becomes material
      void    . material
 
-The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit.
-"""
+The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -26,8 +25,7 @@ Rule = Literal["join", "split"]
 DISC_ROUNDS = 3
 """Most rounds of discs, because a disc can make a new pinch where it meets a second stripe."""
 CORNER_ROUNDS = 2
-"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent
-pinches.
+"""Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent pinches.
 """
 
 
@@ -37,8 +35,7 @@ class PinchResult:
 
     sheet       : all cells, material and void.
     count       : number of discs and corner cuts; for 0 the sheet did not change.
-    area_change : change of the material area, square metres: positive for "join", negative for "split".
-    """
+    area_change : change of the material area, square metres: positive for "join", negative for "split"."""
 
     sheet: Sheet
     count: int
@@ -48,13 +45,13 @@ class PinchResult:
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
-    Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
-    take the family of the first material cell at their pinch. Pinches on the surface's boundary count, too.
+    Up to three rounds of discs come first. Then corners are cut at the remaining pinches, at min(radius, 0.4 edge
+    length) along each edge. Joined cells take the family of the first material cell at their pinch. Pinches on the
+    surface's boundary count, too.
 
     Raises PatternError without material before or after, for an impossible `radius` or `rule`, and for pinches that
     remain.
-    "join" cannot mend a place where the surface touches itself in a vertex.
-    """
+    "join" cannot mend a place where the surface touches itself in a vertex."""
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
@@ -116,7 +113,7 @@ def _links(sheet: Sheet, vertices: Ints) -> Ints:
 
 
 def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
-    """The pinches in groups without common edges, because the linear distance would be zero all along such an edge."""
+    """Divide pinches into groups without edges inside a group, because the linear distance would be 0 along an edge."""
     groups = []
     while len(pinches):
         later = np.unique(ends[np.isin(ends, pinches).all(axis=1), 1])
@@ -126,7 +123,7 @@ def _groups_without_edges(pinches: Ints, ends: Ints) -> list[Ints]:
 
 
 def _corner_distance(sheet: Sheet, pinches: Ints, radius: float) -> Floats:
-    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge), so that no cuts meet."""
+    """(n',) a field, 0 at pinches, whose level `radius` cuts the edges from pinches at min(radius, 0.4 edge length)."""
     V, ends = sheet.surface.V, sheet.surface.edges.ends
     x = np.full(len(V), radius / 0.4)
     for p, q in (ends.T, ends[:, ::-1].T):
@@ -154,7 +151,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """(c,) the inside polygons that are connected to a pinch, without nearby folds of the surface."""
+    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near it in space."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

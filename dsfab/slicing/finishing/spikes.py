@@ -27,8 +27,7 @@ LONG, THIN, FAR = 1.5, 0.5, 4.0
 class Spike(NamedTuple):
     """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
 
-    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres.
-    """
+    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres."""
 
     outline: Ints
     cells: Ints
@@ -83,7 +82,9 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before a tip (step -1) or behind it (1): number of walls from the tip, and metres."""
+    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`.
+
+    Each corner is a pair: the number of walls between it and the tip, and their length in metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -96,17 +97,17 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord is unsuitable."""
+    """The tooth with the walls `stretch` (k,), or None if it is no tooth. width : mean width of members, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
-    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # the mean normal beside walls
+    chord, up = (X[-1] - X[0], step @ cells.surface.normals[member_cells])  # `up` is the mean normal beside these walls
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower ones are tiny, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

@@ -21,12 +21,11 @@ TINY = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class FairBar:
-    """A new shape of a bar between two contacts.
+    """The new shape of a bar: straight or evenly bent between its two contacts with other members.
 
-    cells : (c,) the polygons of the bar at present.    ends : (2, 3) the middles of its contacts, metres.
-    across, normal : (3,) unit.    half : (2,) half-widths at each end, metres.
-    bow   : (2,) a, b: the middle is t (1 - t) (a + b t) metres to the left at the share t of the length.
-    """
+    cells : (c,) the polygons of the old bar.    ends : (2, 3) the middles of its contacts, metres.
+    across, normal : (3,) unit vectors.    half : (2,) half-widths at both ends, metres.
+    bow   : (2,) a, b: at the fraction t of the length, the middle line is t (1 - t) (a + b t) metres to the left."""
 
     cells: Bools
     ends: Floats
@@ -37,8 +36,8 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar of polygons (c,), as wide as its narrower contact; None without two contacts that
-        are nearly square to it."""
+        """Return the straight bar in place of polygons (c,), as wide as its narrower contact. Return None without two
+        contacts that are nearly square to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -55,11 +54,13 @@ class FairBar:
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def with_bow(self, mesh: PolygonMesh) -> Self | None:
-        """Return the bar with the mean bow and widths of its walls, by least squares; None if steep or too thin."""
+        """Return the bar with the bow and the half-widths that fit its walls by least squares.
+
+        Return None for a bar that is then too steep, or has no width at an end."""
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # counter-clockwise walls run ahead on the right side
+        side = np.where(ahead > 0, -1, 1)  # walls on the right run in the bar's direction
         between_ends, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         equations = (basis * weight[:, None])[between_ends], (y * weight)[between_ends]
@@ -88,7 +89,7 @@ class FairBar:
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance of the present outline outside the new outline, as a share of the width."""
+        """Largest distance by which the old outline lies outside the new outline, divided by the width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -98,27 +99,25 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """(k,) shares of the length at points X (k, 3), and (k,) metres to the left of the straight line."""
+        """Position (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
     def _bow_at(self, t: Floats) -> tuple[Floats, Floats]:
-        """(k,) metres to the left at shares t (k,) of the length, and the slope there."""
+        """Distance (k,) of the middle line to the left of the axis, metres, at positions t (k,), and its slope."""
         (a, b), parabola = self.bow, t * (1 - t)
         return parabola * (a + b * t), ((1 - 2 * t) * (a + b * t) + parabola * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """(k, 3) metres: begin and end of the sides of polygons (c,) towards void, counter-clockwise."""
+    """Begin and end (k, 3), metres, of the sides of a bar at void, counter-clockwise."""
     in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
     wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """(k, 2, 3) metres: begin and end of each contact of polygons (c,), counter-clockwise; none at an edge of the
-    surface.
-    """
+    """Begin and end (k, 2, 3), metres, of each contact of a bar, counter-clockwise; empty at an edge of the surface."""
     cells, in_bar, beyond = mesh.cells, bar[mesh.cells.owner], mesh.polygon_across
     contact_slots = np.flatnonzero(in_bar & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (in_bar & (beyond < 0)).any() or not len(contact_slots):
@@ -130,7 +129,7 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     for k in range(count):
         a, b = start[place == k], end[place == k]
         begins, finishes = np.setdiff1d(a, b), np.setdiff1d(b, a)
-        if len(begins) != 1 or len(finishes) != 1:  # the contact is closed, or two contacts meet
+        if len(begins) != 1 or len(finishes) != 1:  # the contact is a ring, or two contacts touch
             return np.empty((0, 2, 3))
         contacts.append(mesh.X[[begins[0], finishes[0]]])
     return np.array(contacts)
@@ -142,8 +141,7 @@ UNEVEN = 0.12
 """Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width."""
 FAR = 1.5
 """Bars stay if their outline is farther from the new outline than this share of their width.
-Such bars bend in another way, or a further member touches them.
-"""
+Such bars bend in another way, or a further member touches them."""
 SNAP = 0.02
 """Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
@@ -153,12 +151,11 @@ LARGER = 2.5
 def with_straight_bars(
     mesh: PolygonMesh, surface: Surface, fields: Sequence[Field], tidy: Tidy
 ) -> tuple[PolygonMesh, int]:
-    """Replace bars through nodes between two contacts by straight bars, and bars near singular points by even bends.
+    """Replace bars through nodes by straight bars, and bars near singular points by evenly bent bars.
 
     surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
-    Parts stay connected: both contacts remain, and nothing else touches a bar.
-    """
+    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches it."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -175,16 +172,16 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of material beside faces where its field has no phase."""
+    """Mask (c,) of material in or beside faces where its own field has no phase."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
-    """Disjoint bars to replace: nodes (c,) with the stripes that touch them, and stripes near singular points (c,).
+    """New shapes of bars, which do not overlap. A bar is a node with its stripes, or a stripe near a singular point.
 
-    Crossings that touch a node belong to the node if that makes a bar, because stripes may overlap before they end."""
+    A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))
@@ -210,9 +207,9 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 
 
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """Replace polygons (c,) of a bar by the new bar; return None for a large change, and the old polygon (c',) of
-    each.
-    """
+    """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
+
+    The mesh is None if the area of the bar would change much."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

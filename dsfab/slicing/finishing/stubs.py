@@ -9,8 +9,7 @@ are a bar across one opening, or a hook beside a member, with a lump at the node
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without them one opening remains. All sizes of openings are 4 area / perimeter over the median.
-"""
+Without stubs one opening remains. The size of an opening is its 4 area / perimeter, divided by the median of all."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -39,8 +38,7 @@ TURN = float(np.radians(110))
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
     """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
-    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected.
-    """
+    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -55,21 +53,20 @@ def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """(c,) mask of nodes (c,) and of crossings that touch nodes, because stubs may overlap before they end."""
+    """Mask (c,) of nodes (c,), and of crossings that touch nodes, because stubs may overlap before they end."""
     crossing = mesh.part_labels(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Bars:
-    """Bars between openings.
+    """Removable bars (b,) between openings (o,).
 
     label   : (c,) the bar of each polygon, or -1.
     area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
     pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if the material around a bar stays connected without any bar, and ends nowhere.
-    """
+    cut     : (b,) True if the bar may go: without it the material stays connected and gets no new end."""
 
     label: Ints
     area: Floats
@@ -117,9 +114,9 @@ class _Bars:
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def sizes_without(self, group: Ints, count: int) -> Floats:
-        """(count,) sizes, over the median, of the openings without the bars of each group (b,). Bars of group -1
-        stay.
-        """
+        """Size (count,) of the opening that remains if all bars of a group are removed.
+
+        group : (b,) the group of each bar; bars of group -1 stay."""
         bar, opening = self.pair.T
         removed = group[bar] >= 0
         touched = np.unique(np.stack([group[bar[removed]], opening[removed]], axis=1), axis=0)
@@ -139,7 +136,7 @@ class _Bars:
 
     @cached_property
     def extremes(self) -> tuple[Floats, Floats]:
-        """(b,) sizes of the smallest and of the largest opening beside each bar; infinite and 0 without openings."""
+        """Sizes (b,) of the smallest and of the largest opening beside each bar; inf and 0 if there is none."""
         smallest, largest = np.full(len(self.area), np.inf), np.zeros(len(self.area))
         bar, opening = self.pair.T
         np.minimum.at(smallest, bar, self.sizes[opening])
@@ -148,14 +145,16 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) bars in one opening that is larger and has a shorter outline without them."""
+        """Mask (b,) of bars inside a single opening whose removal makes this opening's size larger."""
         return np.asarray(
             (self.opening_count == 1) & (self.sizes_without_each > np.maximum(1.02 * self.extremes[1], SMALL))
         )
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) bars between openings that are one good opening without them; all or no bars at an opening."""
+        """Mask (b,) of bars between openings that become one opening of good size without them.
+
+        If several such bars are at one opening, all of them or none are in the mask."""
         smallest, limits = self.extremes
         ratio = np.divide(smallest, limits, out=np.full_like(smallest, np.inf), where=limits > 0)
         largest = np.where(_below_limits(ratio, EYELET), LARGER, LARGE)
@@ -168,13 +167,13 @@ class _Bars:
         group, count = self._groups(fits)
         limits = np.full(count, LARGE)
         np.maximum.at(limits, group[fits], largest[fits])
-        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)  # group -1 gets False
+        # the last value, which index -1 reads, is for bars without a group
+        accepted = np.append(_below_limits(self.sizes_without(group, count), limits), False)
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """(b,) the group of each chosen bar (b,), -1 elsewhere, and the number of groups. Bars at one opening form
-        a group.
-        """
+        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups. Bars at the same opening are a
+        group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
@@ -183,7 +182,9 @@ class _Bars:
 
 
 def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyond: Ints) -> Bools:
-    """(b,) True if the material that touches a bar at its sides `contact_sides` (h,) is one piece without bars (c,)."""
+    """Mask (b,) of bars whose neighbours are one connected piece if all bars are removed.
+
+    contact_sides : (h,) sides between a bar and other material."""
     rest = mesh.part_labels(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[contact_sides]], rest[beyond[contact_sides]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -191,9 +192,9 @@ def _stays_connected(mesh: PolygonMesh, label: Ints, contact_sides: Bools, beyon
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """(b,) largest turn of the remaining outline at the contacts of each bar, radians; sides (s,) of bars with
-    labels (c,).
-    """
+    """Largest turn (b,), radians, of the outline that remains at the contacts of each removed bar.
+
+    side : (s,) the sides of bars that touch other material."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.next_values(cells.corner)[side]], axis=1)
     place = link_components(len(side), *adjacent_sides(bar, ends, count))[1]
@@ -218,7 +219,7 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _below_limits(x: Floats, limit_of_each: float | Floats) -> Bools:
-    """(k,) mask of x (k,) under its limits; of nearly equal values, all or none pass."""
+    """Mask (k,) of values x (k,) below their limits; of nearly equal values, all or none are below."""
     limits = np.broadcast_to(limit_of_each, x.shape)
     result = np.zeros(len(x), dtype=bool)
     for threshold in np.unique(limits):

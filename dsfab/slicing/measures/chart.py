@@ -22,12 +22,12 @@ SLICING_SAME = 2.0**-30
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface cut open where phases do not fit together. Stripes run along whole numbers of a phase.
+    """A surface cut open where phases do not fit together. The middles of stripes lie at whole numbers of a phase.
 
-    surface : the same sheet on its own vertices (n', m').    parent : (m',) face of the uncut surface (n, m).
+    surface : the cut surface with its own vertices n' and faces m'.    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
-    z       : (n', 2) phases of both families, in periods of the lines that are drawn there.
-    scale   : (n', 2) number of these periods in a period of the finest lines; 0 without a phase.
+    z       : (n', 2) phases of both families; each whole number is a line that is drawn there.
+    scale   : (n', 2) drawn lines over the finest lines, such as 1/2 if every second line is drawn; 0 without a phase.
     """
 
     surface: Surface
@@ -48,8 +48,7 @@ class Chart:
 def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
     """Return the chart of a surface that was divided by `halve_lines`.
 
-    phases : the fields (n, 1) before snapping; default: the snapped fields, which fit the openings.
-    """
+    phases : both fields, for instance before snapping; default: the snapped fields, which fit the openings."""
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell, _ = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     slot = _corner_slots(mesh, surface.F, cell)
@@ -66,10 +65,12 @@ def chart_of(halved: LineHalving, phases: tuple[CornerField, CornerField] | None
 
 
 def _group_equal_rows(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """Group rows with equal key (k,) and equal whole numbers (k, r): the first row of each group, each row's group."""
+    """Group rows with equal key (k,) and equal numbers (k, r).
+
+    Return the first row of each group, and the group of each row."""
     order, begins, group_of = equal_key_groups(key)
     lead = order[begins][group_of]
-    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # only these few rows need to be sorted
+    different = np.flatnonzero((rows != rows[lead]).any(axis=1))  # sorting these few rows is enough
     lead = lead.copy()
     if len(different):
         table = np.column_stack([key[different], rows[different]])
@@ -97,14 +98,13 @@ POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 
 @dataclass(frozen=True, eq=False)
 class StripeChart:
-    """Stripes |z - k| < d, k a whole number, and other material.
+    """Stripes |z - k| < d around each whole number k, and other material such as rims and discs.
 
     surface : n vertices, m faces; a surface cut open has several vertices at the same place.
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
     d       : (n, 2) half-widths, in periods.
     known   : (m, 2) faces with a phase; other faces have no stripes.
-    kept    : (n,) positive in other material, besides the stripes.
-    """
+    kept    : (n,) positive in the other material."""
 
     surface: Surface
     z: Floats
@@ -121,7 +121,7 @@ class StripeChart:
 
     @classmethod
     def from_chart(cls, chart: Chart, d: Floats, kept_values: Floats) -> Self:
-        """Return the stripes of a chart; half-widths (n, 2) and other material (n,) are on the uncut vertices."""
+        """Return the stripes of a chart, from half-widths d (n, 2) and `kept` values (n,) at the uncut vertices."""
         has_phase = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         nearest_whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - nearest_whole) < ON, nearest_whole, chart.z)
@@ -138,15 +138,15 @@ class StripeChart:
 
     @cached_property
     def table(self) -> EdgeTable:
-        """The edges between the places of vertices."""
+        """Edges between places of vertices, so that both sides of a cut have the same edge."""
         return edge_table(self.place[self.surface.F])
 
     def corners(self, x: Floats) -> Floats:
-        """(3, m) values (n,) at the corners of the faces."""
+        """Values (3, m) at the corners of the faces, from values x (n,) at the vertices."""
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """(m,) faces on which the phase of family k grows, by at least 1e-9 periods over the size of the surface."""
+        """Mask (m,) of faces on which the phase of family k grows, by at least 1e-9 periods over the surface's size."""
         return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
@@ -155,30 +155,30 @@ class StripeChart:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """(m, 3) each, gradients of both phases on the faces, per metre."""
+        """Gradients (m, 3) of both phases on the faces, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
         major, minor = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
         return np.asarray(major), np.asarray(minor)
 
     @cached_property
     def slope(self) -> tuple[Floats, Floats]:
-        """(m,) each, stripes per metre; never 0."""
+        """Stripes per metre (m,) of each family; never 0."""
         major, minor = (np.maximum(lengths(g), np.finfo(float).tiny) for g in self.gradients)
         return major, minor
 
     def inside(self, k: int, face: Ints, coordinates: Floats) -> Bools:
-        """(q,) mask of points at barycentric coordinates (q, 3) of faces (q,) in stripes of family k."""
+        """Mask (q,) of points in stripes of family k, at barycentric coordinates (q, 3) of faces (q,)."""
         corner = self.surface.F[face]
         z, d = (np.einsum("qc,qc->q", x[corner, k], coordinates) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
 
     def is_kept(self, face: Ints, coordinates: Floats) -> Bools:
-        """(q,) mask of points in material besides the stripes."""
+        """Mask (q,) of points that lie in material other than stripes."""
         return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], coordinates) > 0)
 
     @cached_property
     def void(self) -> Floats:
-        """(m,) share of each face that is void, from four points."""
+        """Share (m,) of each face that is void, at four sample points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -193,7 +193,7 @@ class StripeChart:
 
     @cached_property
     def free(self) -> Floats:
-        """(m,) share of each face outside material besides the stripes."""
+        """Share (m,) of each face without other material (`kept`), at four sample points."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -203,12 +203,12 @@ class StripeChart:
 
 @dataclass(frozen=True, eq=False)
 class StripeMiddles:
-    """The middles of the members of family k, in pieces.
+    """Middle lines of the members of family k, in pieces: one for each face and line.
 
-    face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end nodes.
-    copy : (s,) True for pieces along an edge that repeat an earlier piece.
-    edge : (j,) True for nodes on the boundary of the surface.
-    """
+    face : (s,) face of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end
+           nodes.
+    copy : (s,) True for a piece along an edge that equals a piece of the neighbouring face.
+    edge : (j,) True for nodes on the boundary of the surface."""
 
     drawn: StripeChart
     k: int
@@ -226,7 +226,7 @@ class StripeMiddles:
 
     @cached_property
     def length(self) -> Floats:
-        """(s,) metres of each piece. Where an edge has two equal pieces, each counts half."""
+        """Length (s,) of each piece, metres. On an edge, both faces may have the same piece; then each counts half."""
         metres = np.linalg.norm(self.points[:, 1] - self.points[:, 0], axis=1)
         key = self.node.min(axis=1) * len(self.edge) + self.node.max(axis=1)
         group = equal_key_groups(key)[2]
@@ -238,14 +238,14 @@ class StripeMiddles:
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """(j,) mask of the nodes that have a marked end (s, 2)."""
+        """Mask (j,) of nodes at which an end in the mask `marked` (s, 2) lies."""
         result = np.zeros(len(self.edge), dtype=bool)
         result[self.node[marked]] = True
         return result
 
     @cached_property
     def ends_in_material(self) -> Bools:
-        """(s, 2) ends in a member of the other family, or in material besides the stripes."""
+        """Mask (s, 2) of ends that lie in a member of the other family, or in material other than stripes."""
         face, coordinates = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, coordinates) | self.drawn.is_kept(face, coordinates)
         return np.asarray(inside.reshape(-1, 2))
@@ -259,9 +259,9 @@ class StripeMiddles:
 
 
 class _Pieces(NamedTuple):
-    """Pieces (s,) of middles: their faces, their numbers, and the slots (s, 2) of the face at which they end.
+    """Pieces (s,) of middle lines: face, whole number of the phase, and the places (s, 2) of both ends in the face.
 
-    Slots 0 to 2 are corners; slots 3 to 5 are the edges that begin at corner slot - 3."""
+    Places 0 to 2 are the face's corners; place 3 + c is inside the side that begins at corner c."""
 
     face: Ints
     line: Ints
@@ -297,7 +297,9 @@ def _pieces(chart: StripeChart, k: int) -> _Pieces:
 
 
 def _barycentric(z: Floats, slot: Ints) -> Floats:
-    """(s, 3) coordinates of the point z = 0 at slots (s,) of faces; z (s, 3) are values at their corners."""
+    """Barycentric coordinates (s, 3) of the points with z = 0; z (s, 3) are values at the corners of faces.
+
+    slot : (s,) places of the points, as in `_Pieces`."""
     row, corner, on_edge = np.arange(len(z)), slot % 3, slot >= 3
     next_corner = (corner + 1) % 3
     a, b = z[row, corner], z[row, next_corner]
@@ -309,10 +311,9 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(chart: StripeChart, pieces: _Pieces, coordinates: Floats) -> tuple[Ints, Bools]:
-    """(s, 2) the node of each end, and (j,) mask of nodes on the boundary of the surface.
+    """Node (s, 2) at each end of a piece, and mask (j,) of nodes on the boundary of the surface.
 
-    The nodes at vertices come first, then the nodes on edges in their order along each edge.
-    """
+    Nodes at vertices have the first numbers; nodes on edges follow in their order along each edge."""
     table, F = chart.table, chart.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), coordinates.reshape(-1, 3)
     corner, on_edge, row = slot % 3, slot >= 3, np.arange(len(slot))

@@ -19,11 +19,10 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a material sheet: half-edge, first and last vertex, curve, and family, (k,) each.
+    """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
 
-    The curve is the line of the sheet, or -1 - k for all levels of field k, because these meet at tips only.
-    The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface.
-    """
+    The curve is the number of the sheet's line. All levels of field k count as one curve, -1 - k, because they meet at
+    tips only. The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -42,9 +41,9 @@ def outline_labels(sheet: Sheet) -> Labels:
 
 
 def outline_corners(sheet: Sheet) -> Floats:
-    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
+    """Vertices (k, 3), metres, of a material sheet's outline where two curves meet, at any angle.
 
-    Both ends of a fillet are such vertices, and no other vertex of it."""
+    A fillet is one curve, so only its two ends are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -59,11 +58,10 @@ LEAST = 1e-7
 
 
 class Spans(NamedTuple):
-    """Parts of segments that remain after clipping.
+    """Parts (p,) of segments that lie on cells of a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair : (q,) the part that each pair of segment and cell belongs to.    cell : (q,) the cell of the pair.
-    """
+    of_pair, cell : (q,) a part and a cell that it crosses, for each such pair."""
 
     segment: Ints
     begin: Floats
@@ -75,11 +73,11 @@ class Spans(NamedTuple):
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on cells of a sheet.
 
-    face        : (v,) faces of the chart.
-    view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of the face.
-    segment     : (v,) the segment; along a common edge, two faces may see the same segment.
-    F           : (m, 3) the uncut faces.
-    """
+    Each row is a view of a segment from a face; a segment on an edge may have two views, one from each face.
+    face        : (v,) the chart's face of each view.
+    view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
+    segment     : (v,) number of the segment.
+    F           : (m, 3) the uncut faces."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
     ends = view_ends @ corners  # barycentric coordinates on the uncut faces
     order = sorted_order(sheet.parent)
@@ -94,7 +92,7 @@ def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sh
 
 
 def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
-    """(k, 3, 3) the corners of triangles F (k, 3) in barycentric coordinates of their parents (k,)."""
+    """Corners (k, 3, 3) of triangles F (k, 3) in barycentric coordinates of uncut faces, `parent` (k,)."""
     entries = weights[F.ravel()].tocoo()
     row, column = (index.astype(np.int64) for index in entries.coords)
     coordinates = np.zeros((3 * len(F), 3))
@@ -103,7 +101,7 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """(q,) begin and end of segments (q, 2, 2) inside triangles (q, 3, 2); end < begin if outside."""
+    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin for none."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -122,7 +120,7 @@ def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
-    upto = np.maximum.accumulate(2.0 * segment + end)  # each segment has an interval of its own
+    upto = np.maximum.accumulate(2.0 * segment + end)  # segment s uses the interval from 2 s to 2 s + 1
     begins_span = np.ones(len(segment), dtype=bool)
     begins_span[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
     first_rows = np.flatnonzero(begins_span)
@@ -133,7 +131,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A line along the middle of a member: points (k, 3), metres, and the line number of most of its length."""
+    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
 
     number: int
     points: Floats
@@ -141,14 +139,12 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middle lines, each between two nodes. Both faces at an edge may see a segment along the edge as a
-    view.
+    """Segments of middle lines, each between two nodes. A segment along an edge may have two views, one from each face.
 
     link   : (l, 2) nodes of the segments.    point : (nodes, 3) metres.
-    of     : (v,) the segment of a view.      face  : (v,) of the chart.
+    of     : (v,) the segment of a view.      face  : (v,) the chart's face of a view.
     number : (v,) number of the line among the finest lines.
-    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face.
-    """
+    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face."""
 
     link: Ints
     point: Floats
@@ -159,10 +155,10 @@ class Chords:
 
     @classmethod
     def from_chart(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Return the middles of a family in faces with a phase and a half-width (n,) over 0 at every corner.
+        """Return the segments of a family in faces with a phase and with a half-width (n,) above 0 at all corners.
 
-             |                  A face has a chord for every whole number between two of its corners, from side to
-        ---o-+-o---  k          side or from a corner; and a chord along a side if both of its ends are on k.
+             |                  A whole number k between the values at a face's corners gives a segment between two
+        ---o-+-o---  k          sides or from a corner. If two corners have the value k, the side between is a segment.
              |
         """
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
@@ -182,7 +178,7 @@ class Chords:
     @classmethod
     def _from_zeros(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
         ahead = np.roll(d, -1, axis=1)
-        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # corners come first, then sides
+        meets = np.concatenate([d == 0, d * ahead < 0], axis=1)  # columns 0 to 2: at corners; 3 to 5: inside sides
         crossed_slot = np.nonzero(meets)[1].reshape(-1, 2)
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
         corner, share = crossed_slot % 3, np.take_along_axis(t, crossed_slot % 3, axis=1)
@@ -195,8 +191,11 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """(v, 2) nodes at corners (where `at_corner`) or on the sides behind corners; (nodes, 3) all points, metres."""
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # without the cuts of the chart
+    """Nodes (v, 2) at which segments end, and points (nodes, 3), metres.
+
+    An end is a corner of the face if `at_corner`, else a point of the side that begins there, at `share` of its length.
+    """
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # vertices on both sides of a cut become one
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
@@ -218,8 +217,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : values of `sheet.family`. Lines that run through such cells only are left out, because these cells
-                 belong to members that cross the line."""
+    passing    : families of members that cross these members. Lines in cells of such families alone are left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -239,9 +237,9 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """(p, 2) the nodes of parts of segments, at most two parts at each node; and the points of all nodes, metres.
+    """Nodes (p, 2) of the parts of segments, and the points of all nodes, metres. At most two parts share a node.
 
-    A cut segment gets a separate node. Where more than two segments meet, all of them end."""
+    An end that was cut gets a node of its own, and so does each end where more than two segments meet."""
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
     crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
@@ -268,7 +266,7 @@ STRIPES = ("major", "minor")
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes with a sign in each face, and its values (k,) at the middles of stripes."""
+    """A field of evenly spaced stripes, given at corners of faces, and its levels (k,) at the middles of stripes."""
 
     field: CornerField
     levels: Floats
@@ -276,19 +274,16 @@ class CornerLines(NamedTuple):
 
 Phase = Floats | CornerLines | None
 """Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
-stripes.
-"""
+stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
     """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
     names  : of the fields of the cut; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to stripe k of its cell if z is nearest to k. For phases at corners the
-             face
-             gives k, and a line takes the number of most of its length.
-    Together the lines are the boundary of the sheet, each edge once, with the material on the left.
-    """
+    phases : for each field. An edge belongs to the stripe k that is nearest to z in its cell. If phases are given at
+             corners, k may change along a line; then the line gets the k of most of its length.
+    Together the lines are the boundary of the sheet, each edge once, with the material on the left."""
     labels = outline_labels(sheet)
     stripes = _Stripes(sheet, uncut, phases, labels)
     of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
@@ -326,7 +321,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest_levels(z, phase.levels)), dtype=np.int64)
 
     def changes(self, edges: Ints, loop: Ints) -> Bools:
-        """(k,) mask of edges (k,) around a loop of vertices whose stripe differs from that of the edge before."""
+        """Mask (k,) of edges in a loop whose stripe, family or curve differs from that of the previous edge."""
         before = np.roll(edges, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -334,7 +329,7 @@ class _Stripes:
                 same_field = np.flatnonzero((self.family[edges] == k) & (self.family[before] == k))
                 f, g = self.parent[edges[same_field]], self.parent[before[same_field]]
                 rows = self.weights[loop[same_field]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # both faces share this corner
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a vertex of both uncut faces
                 place, place_before = (f, corner_places(self.F[f], base)), (g, corner_places(self.F[g], base))
                 sign = phase.field.sign[place] * phase.field.sign[place_before]
                 shift = phase.field.shift[place] - sign * phase.field.shift[place_before]
@@ -348,9 +343,7 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 
     phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Without a member (d = 0)
     there is no middle line. Both fields are linear in each cell of the sheet, so the lines are exact and end at the
-    edges
-    of the sheet.
-    """
+    edges of the sheet."""
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
     member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
@@ -364,8 +357,7 @@ def chart_lines(
     """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
     names      : of the fields of the cut.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods of the drawn lines.
-    """
+    half_width : (n,) on the uncut surface, in periods of the drawn lines."""
     family = STRIPES.index(name)
     passing = np.array([k for k, field_name in enumerate(names) if field_name == STRIPES[1 - family]], dtype=np.int64)
     lines = member_middles(chart, family, half_width, sheet, uncut.F, passing)
@@ -384,7 +376,9 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """Loops of boundary vertices, with a two-sided surface on their left, and the half-edge after each vertex."""
+    """Loops of boundary vertices, and for each loop the half-edges after its vertices.
+
+    If the surface has two sides, it lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -1,4 +1,4 @@
-"""Overlay of a finished sheet with the stripes of all families, so that no stripe hides another stripe.
+"""Overlay: a finished sheet divided along the edges of all stripes, also where another stripe covers them.
 
 Later fields do not cut a cell that an earlier field made material. So under a crossing the second member is missing.
 Here the cells of the sheet are also divided along the edges of the later fields:
@@ -9,8 +9,7 @@ Here the cells of the sheet are also divided along the edges of the later fields
 -----+     +-----    -----+-----+-----
      |     |              |     |
 
-Material that finishing added (fillets, bridges, filled openings) belongs to no stripe.
-"""
+Material that finishing added (fillets, bridges, filled openings) belongs to no stripe."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -33,14 +32,13 @@ ZERO = 2.0**-30
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut: material has more levels below the first column than below the second column.
+    """The stripes of one field of a cut. A stripe lies where a level is between the two columns of the field.
 
-    family : fields of one family do not cross each other.
-    field  : at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
+    family : name; fields of the same family do not cross each other.
+    field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : on the middle line, the mean of both columns is a level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`.
-    """
+    centre : the middle line of a stripe lies where the mean of both columns is its level + centre.
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
 
     family: str
     field: CornerField | Floats
@@ -54,12 +52,12 @@ class Overlay:
     """A material sheet that is also divided along hidden edges, and the stripes of each cell.
 
     sheet  : m cells, all of them material; `family` is the field that made each cell.
-    source : (m,) the undivided cell that each cell comes from.
-    part   : (m, f) for each field the connected stripe of a cell, of `count`; -1 for none.
-    of     : (count,) the field of each stripe.    level : (count,) its level in most of its cells.
-    own    : (m,) True for cells in the band of the field that made them material.
-    offset : (m, 3, f) distance of the field at the corners from the middle line of the cell's stripe. It is never 0, so
-             that the line crosses two sides of a cell or none. All cells at an edge of a stripe agree up to a sign.
+    source : (m,) the cell before this division that each cell is a part of.
+    part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
+    of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
+    own    : (m,) True for cells in a stripe of the field that made them material.
+    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. It is never 0, so
+             that the line crosses two sides of a cell or none. Cells at an edge agree on the values there up to a sign.
     """
 
     sheet: Sheet
@@ -90,8 +88,7 @@ def stripe_overlay(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], sna
     bands : one for each field of the cut, in order.
     snap  : snap fraction of hidden edges (see `cut`).
 
-    A stripe that made no cell material is left out, because finishing removed this stripe.
-    """
+    A stripe that made no cell material is left out, because finishing removed this stripe."""
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
     mesh = PolygonMesh.from_surface(base).with_lines_of(sheet)
@@ -122,7 +119,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """(m,) cells of other fields under which a band may continue."""
+    """Mask (m,) of material of other fields under which the stripes of band k may continue."""
     covers = np.array([band.family != bands[k].family and (band.hides or not bands[k].hides) for band in bands])
     covers &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(covers[family])
@@ -130,12 +127,12 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 
 @dataclass(frozen=True, eq=False)
 class _BandOnCells:
-    """A field on triangles.
+    """The values of a band on triangles.
 
     z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
-    number : (m,) the level nearest to the centroid.    off : (m,) distance of the centroid from this level.
-    sign, shift : (m, 3) from values at vertices to values at corners.    blank : (m,) mask of triangles without values.
-    """
+    number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
+    sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
+    blank : (m,) mask of triangles without values."""
 
     F: Ints
     z: Floats
@@ -159,23 +156,23 @@ class _BandOnCells:
         return cls(F, z - band.centre, half, number, distance, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """(m,) cells with a centroid in the band, or outside by less than a slack (m,)."""
+        """Mask (m,) of triangles whose centroid lies in the band, or outside by less than `slack` (m,)."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
         """(p,) mask of pairs of half-edges (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # take the same vertex in the second cell
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex, seen from the second cell
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
 
     def offsets(self, in_stripe: Bools) -> Floats:
-        """(m, 3) z - number in marked cells (m,), NaN elsewhere.
+        """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
 
-        Zeros move to the side with less of the stripe, at all corners of a vertex, so that every line crosses cells.
-        """
+        A zero becomes a tiny number, with the same sign in all triangles at its vertex. So every line crosses
+        triangles."""
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0
@@ -196,7 +193,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # because `slicing.snap` moves values
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
@@ -221,7 +218,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
 
 
 def _value_ranges(z: Floats, source: Ints) -> Floats:
-    """(m,) the range of z (m, 3) over the undivided cell that each cell comes from."""
+    """Range (m,) of z (m, 3) over the undivided cell that each triangle is a part of."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))

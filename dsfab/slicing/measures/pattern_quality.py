@@ -25,12 +25,11 @@ from dsfab.surface.topology import link_components
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """The pieces of `StripeMiddles`, divided at the middles of the second family. A bay lies between two crossings.
+    """Middle lines of a family, divided into bays, which lie between crossings with members of the other family.
 
-    piece  : (b,) the piece of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
-    bay    : (b,) the bay of each part, of `count`.
-    angle  : (c,) degrees between members at crossings, except in material besides the stripes.
-    """
+    piece  : (b,) the piece of `middles` that each part lies on.    at : (b, 3) barycentric coordinates of its middle.
+    length : (b,) metres of each part.    bay : (b,) the bay of each part, of `count`.
+    angle  : (c,) degrees between members at crossings, except in material other than stripes."""
 
     middles: StripeMiddles
     piece: Ints
@@ -42,16 +41,14 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) metres of each part outside the members of the second family and outside material besides the
-        stripes.
-        """
+        """Length (b,), metres, of each part; 0 inside members of the other family and material other than stripes."""
         chart, face = self.middles.drawn, self.middles.face[self.piece]
         met = chart.inside(1 - self.middles.k, face, self.at) | chart.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) True if the opening up to the next member is narrower than the member."""
+        """Mask (b,) of parts where the opening to the next member is narrower than the member."""
         chart = self.middles.drawn
         corner = chart.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", chart.d[corner, self.middles.k], self.at)
@@ -59,20 +56,21 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Number of bays with an opening narrower than the member along more than half of the free length."""
+        """Number of bays that are slits: on over half of the free length, the opening is narrower than the member."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Share of the free length along an opening that is narrower than the member."""
+        """Share of the free length on which the opening is narrower than the member."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middles of a family at whole numbers of the other family's phase, which is linear along a piece."""
+    """Divide the middle lines of a family at the middle lines of the other family, where the other phase is a whole
+    number."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -86,7 +84,7 @@ def bays(middles: StripeMiddles) -> Bays:
     inner = np.where(has_stripes, np.maximum(np.ceil(high).astype(np.int64) - first_whole, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # parts of a piece count by ascending z
+    number = np.arange(len(piece)) - start[piece]  # parts of a piece, in ascending order of z
     z0 = np.where(number == 0, low[piece], first_whole[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first_whole[piece] + number)
     span = (high - low)[piece]
@@ -106,7 +104,9 @@ def bays(middles: StripeMiddles) -> Bays:
 def _bay_labels(
     middles: StripeMiddles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools
 ) -> tuple[int, Ints]:
-    """Number of bays, and the bay of each part; parts connect at nodes (j,) that are not barriers."""
+    """Number of bays, and the bay of each part.
+
+    Parts that meet at a node belong to the same bay, unless the node is in `barrier` (j,), the mask of crossings."""
     parts, links = len(piece), []
     for at_node, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -142,11 +142,10 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
     along      : (m, 3) unit direction of the stress on the faces; its sign has no meaning.
     deviation  : (m,) degrees between members and this direction.
-    confidence : (m,) clarity of the direction, 0 to 1.
-    """
+    confidence : (m,) clarity of the direction, 0 to 1."""
     met = middles.at_nodes(middles.ends_in_material)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > 0.25  # below, principal stresses differ by under 10 % of their RMS
+    clear = confidence[middles.face] > 0.25  # else principal stresses differ by under 10 % of their RMS
     turns_back = _turning_nodes(middles, along[middles.face], clear)
     deviates = clear & (deviation[middles.face] > OFF)
     count, label = link_components(len(turns_back), middles.node[deviates, 0], middles.node[deviates, 1])
@@ -157,17 +156,17 @@ def dead_ends(middles: StripeMiddles, along: Floats, deviation: Floats, confiden
 
 
 def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools:
-    """(j,) mask of nodes where a member turns back against a clear direction of the stress."""
+    """Mask (j,) of nodes at which a member turns back, where the stress has a clear direction."""
     pieces = np.flatnonzero(~middles.copy)
     step = middles.points[pieces, 1] - middles.points[pieces, 0]
-    ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # zero counts as ahead
+    ahead = np.where(np.einsum("px,px->p", step, along[pieces]) < 0, -1, 1)  # -1 against the stress
     node, piece = middles.node[pieces].T.ravel(), np.tile(pieces, 2)
     side = np.concatenate([ahead, -ahead])
     order = sorted_order(node)
     pair = np.flatnonzero((np.diff(node[order]) == 0) & (middles.degree[node[order][1:]] == 2))
     end_a, end_b = order[pair], order[pair + 1]
     normals_a, normals_b = (middles.drawn.surface.normals[middles.face[piece[end]]] for end in (end_a, end_b))
-    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # surface edges may be sharp
+    straight = transported_vectors(normals_a, normals_b, along[piece[end_b]])  # turned into the first face's plane
     alike = np.where(np.einsum("px,px->p", along[piece[end_a]], straight) < 0, -1, 1)
     result = np.zeros(len(middles.edge), dtype=bool)
     result[node[end_a]] = (side[end_a] * side[end_b] * alike > 0) & clear[piece[end_a]] & clear[piece[end_b]]
@@ -175,9 +174,9 @@ def _turning_nodes(middles: StripeMiddles, along: Floats, clear: Bools) -> Bools
 
 
 class Arms(NamedTuple):
-    """Strips of material that run out of a ball around a place of a sheet.
+    """Strips of material that leave a ball around a place of a sheet.
 
-    direction : (a, 3) unit vectors towards the strips; two zero vectors for a ball that material surrounds.
+    direction : (a, 3) unit vectors towards the strips. Material all around the ball gives two arms with zero vectors.
     normal    : (a, 3) mean unit normals of the strips.    width : (a,) metres across."""
 
     direction: Floats
@@ -185,13 +184,13 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """True if a member of a width in metres ends here; an arm wider than 3 members is a junction."""
+        """True if a member of a width in metres ends at this place. A single arm over 3 times as wide is a junction."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
-        """True if a member of a width in metres ends here or turns back.
+        """True if a member of a width in metres ends or turns back at this place.
 
-        The second arm is unfolded around an edge of the surface, so that a member around a sharp edge is straight.
+        Both arms are turned into one plane first, so that a member that passes a sharp edge of the surface is straight.
         """
         if len(self.width) != 2 or not self.direction.any():
             return self.is_tip(width)
@@ -202,8 +201,7 @@ class Arms(NamedTuple):
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     """Return the arms of a sheet around the ball of `radius` metres at a place (3,); none without a vertex in the ball.
 
-    Faces that are large beside the ball are divided.
-    """
+    Faces that are large compared with the ball are divided first."""
     sheet = _faces_near(sheet, place, radius)
     distance = np.linalg.norm(sheet.V - place, axis=1)
     inside = distance < radius
@@ -215,7 +213,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     core = inside & (label == label[distance.argmin()])
     faces = np.flatnonzero(core[sheet.F].any(axis=1) & ~core[sheet.F].all(axis=1))
     crossed = core[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[face_edges[faces]])  # the sphere enters and leaves each face
+    rows, sides = np.nonzero(crossed[face_edges[faces]])  # two sides of each face
     edge = face_edges[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     shared = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -234,7 +232,9 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that may meet the ball, with edges up to half its radius; the whole sheet without such faces."""
+    """The faces that the ball may reach, divided until their edges are at most half its radius.
+
+    If the ball reaches no face, the whole sheet is returned."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -262,18 +262,16 @@ Quantiles = tuple[float, float, float]
 class FamilyQuality:
     """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area outside material besides the stripes.
+    spacing    : metres from middle to middle: P5, median and P95 over the area without other material than stripes.
     opening    : metres of clear opening between neighbours: P5, median and P95 over the open area.
     deviation  : mean angle to the stress, degrees, weighted by area x stress along the members x clarity of its
                  direction.
-    off        : share of these weights where members deviate by more than 30 degrees.
+    off        : sum of these weights where members deviate by over 30 degrees, divided by their sum everywhere.
     dead_ends  : see `dead_ends`.
     slits      : number of openings narrower than the members beside them. Before the cut this is the number of such
-                 bays
-                 (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
-    slit_share : share of the length of members beside such an opening.
-    drawn      : False without members; then all numbers are 0.
-    """
+                 bays (see `Bays`); on a cut sheet see `dsfab.slicing.finishing.openings`.
+    slit_share : length of members beside such openings, divided by the length of all members.
+    drawn      : False without members; then all numbers are 0."""
 
     spacing: Quantiles
     opening: Quantiles
@@ -304,8 +302,7 @@ class PatternQuality:
     crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without symmetries.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
-    """
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
 
     major: FamilyQuality
     minor: FamilyQuality
@@ -359,9 +356,8 @@ def pattern_quality(
     """Measure the quality of a pattern.
 
     stress     : (m, 2) principal stresses along the major and the minor members.
-    direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these, 0 to 1.
-    guided     : (m,) faces where members follow a guide, and no turn counts; default none.
-    """
+    direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these directions, 0 to 1.
+    guided     : (m,) faces where members follow a guide, so that turning back is no fault; default none."""
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     families = [_family(chart, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
     angles = np.concatenate([cut.angle for _, cut in families])

@@ -15,8 +15,7 @@ class FarEnds(NamedTuple):
     """Far ends, on the boundary, of lines (k,) that measure widths.
 
     edge   : half-edge on the boundary, -1 for lines without an end.    place : metres along this half-edge.
-    slope  : cosine between line and half-edge.    length : metres of the line.
-    """
+    slope  : cosine between line and half-edge.    length : metres of the line."""
 
     edge: Ints
     place: Floats
@@ -29,9 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length up to
-    here.
-    """
+    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length so far."""
 
     number: Ints
     edge: Ints
@@ -47,8 +44,7 @@ class _Lines(NamedTuple):
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
     """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
 
-    reach : metres; longer lines need no end.
-    """
+    reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
     against = start_vertex != start_vertex[twin]  # the twin runs in the opposite direction
     count = len(start)
@@ -72,10 +68,10 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
-    """The lines where they leave their triangles, relative to the half-edges of exit, with y outwards."""
+    """Return the lines where they leave their triangles, in the frame of the half-edge of exit; y points outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
-    over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both sides
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # components towards the other two sides
     with np.errstate(divide="ignore", invalid="ignore"):
         to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
         to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
@@ -89,7 +85,9 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """(3 m, 7) of half-edges the length, the apex, and the unit directions of the next half-edge and the third."""
+    """For each half-edge, (3 m, 7) numbers in its own frame: its length, the apex of the face, and two unit directions.
+
+    The directions are those of the next two half-edges of the face."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -112,11 +110,10 @@ TAPER = float(np.radians(1.5))
 class Crossings:
     """Lines across a sheet to an opposite wall, except in tips, where the width of a member goes to zero.
 
-    width  : (k,) metres, the distance of a line's start from the edge where the line ends.
+    width  : (k,) metres, the shortest distance from a line's start to the edge at which the line ends.
     place  : (k, 3) the start, metres.    face : (k,) the triangle at the start.
-    weight : (k,) metres of wall that the line represents: the edge for lines from the middle, else 0.
-    walls  : (k, 2) the edges of the surface at both ends of the line.
-    """
+    weight : (k,) length of the starting edge, metres, for the line from its middle; 0 for its other lines.
+    walls  : (k, 2) the edges of the surface at both ends of the line."""
 
     width: Floats
     place: Floats
@@ -148,9 +145,8 @@ def crossings(
 
     surface : an edge-manifold sheet.    walls : (e,) the boundary edges that are walls; lines that end elsewhere are
               left out.
-    start   : (e,) walls at which lines start; default all.    shares : starts on each wall.
-    tips    : include lines in tips.    reach : metres; wider places may be left out.
-    """
+    start   : (e,) walls at which lines start; default all.    shares : positions of starts on each wall, 0 to 1.
+    tips    : if True, lines in tips count.    reach : metres; longer lines may be left out."""
     starting = walls if start is None else walls & start
     if not starting.any():
         none = np.empty((0, 2), dtype=np.int64)
@@ -171,10 +167,10 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
-    """Points of the half-edges that lines meet nearest to their starts, and the distance, metres.
+    """For each line, the point of the half-edge at its end that is nearest to its start; and their distance, metres.
 
           o start
-         /|           The foot of the start on the line of the edge, or the end of the edge nearest to it.
+         /|           The foot of the perpendicular from the start, or the end of the half-edge if the foot is beyond.
         / |
     ---x--+----x---
      met  foot
@@ -187,12 +183,12 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 
 
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
-    """(k,) mask of lines between walls that converge to a tip.
+    """Mask (k,) of lines between walls that converge to a tip.
 
-    slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along it.
+    slope : (k,) cosine between a line and the half-edge at its end; negative if the walls converge along it.
 
-    A wedge of angle a and width w ends after w / (2 tan(a / 2)), and both of its walls together are twice as long. In
-    a tip the walls have 0.4 to 1.7 times this length.
+    Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. From
+    there on both walls together have twice this length. A line is in a tip if its walls have 0.4 to 1.7 times this sum.
     """
     loop, middle, ahead, total = _loop_positions(surface)
 
@@ -206,14 +202,14 @@ def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floa
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = start.edge, next_half_edge(start.edge), finish.edge, next_half_edge(finish.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # these lines have zero width
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # at a common corner the width is 0
     return np.asarray(neighbours | ((angle >= TAPER) & (wall_length >= 0.4 * wedge) & (wall_length <= 1.7 * wedge)))
 
 
 def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """For half-edges (3 m,) on the boundary: their loop, metres along it to their middle, and True if they run along.
+    """Loop of each boundary half-edge (3 m,), metres along the loop to its middle, True if it has the loop's direction.
 
-    Returns also the length of each loop. Loops need no orientation of the faces."""
+    Returns also the length of each loop. The faces need no common orientation."""
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
     label, chain, loops = _loop_chains(surface.edges.ends[edge])
@@ -230,10 +226,12 @@ def _loop_positions(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
 
 
 def _loop_chains(ends: Ints) -> tuple[Ints, Ints, int]:
-    """The loop of each edge (e,) with ends (e, 2), all edges in the order of the loops, and the number of loops."""
+    """Find the loops of edges with ends (e, 2).
+
+    Return the loop (e,) of each edge, the numbers of edges in their order along the loops, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; sorted by vertex
     onward = np.empty_like(slot)
-    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # a walk leaves an edge by its far end
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # the end by which a walk leaves the next edge
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -275,8 +273,7 @@ class Features:
     member : the narrowest member, also between two openings that nearly meet.
     gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
-    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents.
-    """
+    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents."""
 
     member: Feature | None
     gap: Feature | None
@@ -285,15 +282,14 @@ class Features:
     weight: Floats
 
     def quantiles(self, shares: Sequence[float]) -> Floats:
-        """(q,) the widths that these shares of the walls do not exceed, metres; empty without widths."""
+        """(q,) widths, metres, that members do not exceed on these shares of the wall length; empty without widths."""
         return weighted_quantiles(self.widths, self.weight, shares) if self.weight.sum() else np.empty(0)
 
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
-        """(b + 1,) limits of the bins from 0, metres, and (b,) the share of the walls in each bin; both may be empty.
+        """(b + 1,) limits of the bins from 0, metres, and (b,) the share of the wall length in each; both may be empty.
 
         limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians.
-                Otherwise broad plates at a crown or a foot would push all members into one bin.
-        """
+                Otherwise broad plates at a crown or a foot would push all members into one bin."""
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
         usual, widest = self.quantiles([0.5, 0.99]).tolist()
@@ -308,9 +304,10 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """(b + 1,) limits of `count` equal bins from 0 to about `end`; a bin ends at `limit` if that is below `end`.
+    """Limits (b + 1,) of about `count` equal bins from 0 to `end`, one of them at `limit` if this is below `end`.
 
-    If this would take more than `largest_count` bins, the first bin is narrower and ends at the limit."""
+    If equal bins would be more than `largest_count`, the first bin ends at the limit and is narrower than the others.
+    """
     if not 0 < limit < end:
         return np.linspace(0, end, count + 1)
     step = limit / max(1, round(limit / end * count))
@@ -327,8 +324,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
     Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
-    round for such lines count with 4 area / perimeter, the diameter of the circle in a triangle or a square.
-    """
+    round for such lines count with 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
     part, mesh = SheetPart.from_cells(cells.surface, built), _mesh_width(cells)
     material, from_material = part.surface, part.cells
     across = crossings(material, material.edges.boundary)
@@ -347,7 +343,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """(m',) mask of the cells that a sheet of whole material pieces contains."""
+    """Mask (m',) of the material cells that are in `sheet`, which has some of the connected pieces of the material."""
     material = cells.material
     if material.sum() == sheet.surface.m:
         return np.asarray(material)

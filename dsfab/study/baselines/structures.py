@@ -39,12 +39,11 @@ from dsfab.surface.fields import voronoi_mass
 
 @dataclass(frozen=True, eq=False)
 class ComparisonTask:
-    """Input that all competitors of a design share: its preset with fixed modes and phases, its stages before the
-    pattern, and the area of material (m2).
-    frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes: the frequency at which
-                stripes on the first mode have the mean distance of the design's stripes.
-    even      : evenly spaced stripes of the design; None for stripes on modes.
-    """
+    """Common input of all competitors of a design: the preset with the design's modes and phases, results of the stages
+    before the pattern, and the area of material (m2).
+    frequency : frequencies of the major and of the minor stripes. For evenly spaced stripes they give stripes on the
+                first mode with the same mean distance.
+    even      : evenly spaced stripes of the design; None for stripes on modes."""
 
     preset: Preset
     surface: Surface
@@ -71,7 +70,7 @@ class ComparisonTask:
 
     @cached_property
     def on_modes(self) -> Preset:
-        """The preset with stripes on modes; their mean distance is that of the design's stripes."""
+        """The preset with stripes on modes, at the mean distance of the design's stripes."""
         if self.even is None:
             return self.preset
         pattern, surface = self.preset.pattern, self.surface
@@ -110,7 +109,7 @@ class ComparisonTask:
         return flat_axis(self.surface, *self.all_loads.values()) is not None
 
     def loads_on(self, structure: "Structure", every: bool = False) -> dict[str, LoadCase]:
-        """Return `loads`, or `all_loads` with `every`, on the uncut surface, with the self-weight of the structure."""
+        """Return `loads` (`all_loads` if `every`) on the uncut surface, but with the self-weight of the structure."""
         share = structure.thickness / self.preset.statics.thickness
         uncut_loads = self.all_loads if every else self.loads
         return {name: load.of_thickness(self.surface, share) for name, load in uncut_loads.items()}
@@ -128,11 +127,9 @@ class ComparisonTask:
 
 @dataclass(frozen=True, eq=False)
 class Structure:
-    """A sheet for a judge.
-    cells  : all cells, material and void.        names : fields that mark material, see `cut`.
-    sheet  : the built sheet, without loose pieces.       pieces : number of the sheet's pieces.      thickness :
-             metres.
-    """
+    """A structure that a judge solves.
+    cells  : all cells, material and void.        names : names of the fields of the cut, see `cut`.
+    sheet  : the built sheet, without loose pieces.       pieces : number of its pieces.      thickness : metres."""
 
     cells: Sheet
     names: tuple[str, ...]
@@ -149,7 +146,7 @@ class Structure:
 
     @cached_property
     def material(self) -> Sheet:
-        """Material of the cells, with its loose pieces."""
+        """The material of all cells; loose pieces are included."""
         return self.cells.subset()
 
     @property
@@ -181,11 +178,10 @@ Drawing = Callable[[ComparisonTask, float, float], Sequence[Layer]]
 
 
 def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
-    """Return the structure whose sheet, without loose pieces, has the area of the task. Layers widen to replace the
-    material
-    of dropped pieces. A second try uses a finer snap, because snapped values make the area jump on coarse meshes.
-    Raises PatternError if no width gives the area.
-    """
+    """Return the structure whose sheet has the area of the task. Stripes are widened to replace the material of loose
+    pieces, which are left out. A second try uses a finer snap, because snapped values make the area jump on coarse
+    meshes.
+    Raises PatternError if no width gives the area."""
     try:
         return _structure_of_area(task, drawing)
     except PatternError:
@@ -196,7 +192,7 @@ def matched_structure(task: ComparisonTask, drawing: Drawing) -> Structure:
 def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) -> Structure:
     target_share, nearest = task.share, float("inf")
     for _ in range(rounds):
-        # the rest of the tolerance is for dropped pieces and joined point contacts
+        # 0.3 of the tolerance; the rest is for loose pieces and for pinches that slicing joins
         structure = sliced_structure(task, drawing(task, target_share, 0.3 * SAME_MASS * task.share))
         excess = structure.sheet.surface.area / task.area - 1
         if abs(excess) <= SAME_MASS:
@@ -205,11 +201,12 @@ def _structure_of_area(task: ComparisonTask, drawing: Drawing, rounds: int = 6) 
         target_share -= excess * task.share
         if not 0 < target_share < 1:
             break
-    raise PatternError(f"falls apart: without its loose pieces its mass is {abs(nearest):.1%} off at the nearest")
+    raise PatternError(f"falls apart: without its loose pieces its mass differs by at least {abs(nearest):.1%}")
 
 
 def sliced_structure(task: ComparisonTask, layers: Sequence[Layer]) -> Structure:
-    """Return the structure that slicing by the preset cuts from layers. Loose pieces drop, and the mass may change."""
+    """Return the structure that slicing, with the options of the preset, cuts from layers. Loose pieces are left out,
+    so the mass may change."""
     names, fields, levels, widths, _ = zip(*layers, strict=True)
     slicing = task.preset.slicing.model_copy(update={"loose": "drop"})
     preset = task.preset.with_pattern(workshop=False).model_copy(update={"slicing": slicing})
@@ -228,17 +225,15 @@ def area_share(task: ComparisonTask, layers: Sequence[Layer]) -> float:
 def striped_structure(
     task: ComparisonTask, preset: Preset, diffusion: DiffusionResult, even: EvenStripes | None = None
 ) -> Structure:
-    """Return both families of a preset, on modes of `diffusion` or on `even`, in widths that give the task's area."""
+    """Return stripes of both families, on modes of `diffusion` or on `even`, so wide that they have the task's area."""
     radius = preset.pattern.width.widths(np.sqrt(task.surface.area)).radius
     task = replace(task, diffusion=diffusion)
     return widened_structure(task, preset, drawable_families(preset, task.stressed_surface, radius, even=even))
 
 
 def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[DrawableFamily]) -> Structure:
-    """Return families of stripes by the width rule of a preset, in widths that give the task's area. Dead ends go only
-    if the
-    preset requests it, because stripes that ignore the stress consist of dead ends.
-    """
+    """Return families of stripes with widths by the preset's rule, so wide that they have the task's area. Dead ends
+    are removed only if the preset requests it, because stripes that ignore the stress have many dead ends."""
     task, factor = replace(task, preset=preset), 0.0
 
     def drawing(task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
@@ -255,11 +250,11 @@ def widened_structure(task: ComparisonTask, preset: Preset, families: Sequence[D
 
 MODES = 3  # number of modes that form pairs; with a single pair, the result would depend on chance if modes repeat
 PAIRS = [(a, b) for a in range(1, MODES + 1) for b in range(1, MODES + 1)]  # numbers of a major and a minor mode
-PHASES = (0.0, 0.25, 0.5, 0.75)  # phases (periods) that are tried for stripes without modes
+PHASES = (0.0, 0.25, 0.5, 0.75)  # phases (periods) of the variants of stripes without modes
 
 
 class IsotropicStripes(NamedTuple):
-    """Stripes that ignore the stress: a preset with plain widths, pairs of modes, and a function for the modes."""
+    """Stripes that ignore the stress: a preset without width rules, pairs of modes, and a function for the modes."""
 
     preset: Preset
     pairs: list[tuple[int, int]]
@@ -267,7 +262,7 @@ class IsotropicStripes(NamedTuple):
 
 
 def isotropic_stripes(task: ComparisonTask) -> IsotropicStripes:
-    """Return stripes of equal width and frequency on modes with r = 1, with the material of the task."""
+    """Return stripes of equal width and frequency on modes of isotropic diffusion (r = 1), with the task's area."""
     isotropy = {"diffusion.r": 1.0, "diffusion.modes": MODES, "pattern.width": {"solid_fraction": task.share}}
     blind = with_overrides(task.on_modes, isotropy)
     diffusion = cache(lambda: diffusion_step(blind, task.surface, task.statics, Log(None)))
@@ -289,7 +284,7 @@ def isotropic_variants(task: ComparisonTask, blind: IsotropicStripes) -> list[Va
 
 
 def rotated_stripes(task: ComparisonTask) -> list[Variant]:
-    """Return a variant for each pair of modes of the design's tensors, turned by 45 degrees in the tangent plane."""
+    """Return a variant for each pair of modes of diffusion tensors turned by 45 degrees in the tangent plane."""
 
     @cache
     def diffusion() -> DiffusionResult:
@@ -312,7 +307,7 @@ def von_mises(task: ComparisonTask) -> list[Variant]:
 
 
 def grid(task: ComparisonTask) -> list[Variant]:
-    """Return straight stripes of equal width along the surface's two principal axes, as many as the design has."""
+    """Return straight stripes of equal width along the surface's two principal axes, as many as the design's."""
     centred = task.surface.V - task.surface.V.mean(axis=0)
     fields = {
         name: (scaled_field(task.surface, centred @ axis), frequency)
@@ -322,7 +317,7 @@ def grid(task: ComparisonTask) -> list[Variant]:
 
 
 def turned_tensors(surface: Surface, tensors: DiffusionTensors, angle: float) -> DiffusionTensors:
-    """Return tensors turned about the faces' normals by `angle` (radians); the stresses do not change."""
+    """Return diffusion tensors turned by `angle` (radians) about the faces' normals; stored stresses do not change."""
     x, y, z = surface.normals.T
     zero = np.zeros(surface.m)
     across = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
@@ -344,13 +339,14 @@ def scaled_field(surface: Surface, value: Floats) -> Floats:
 
 
 def principal_axes(task: ComparisonTask) -> Floats:
-    """Return unit axes (2, 3) along which the surface is longest. For equally long axes, loads and supports decide."""
+    """Return the two unit axes (2, 3) along which the surface is longest.
+    If several axes are equally long, loads and supports decide."""
     surface, load = task.surface, task.statics.load
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     spread = x.T @ (mass[:, None] * x)
     ties = reference_axes(surface, (load.supported.astype(float),), (load.force.sum(axis=0),))
-    # the weight is so small that it decides only if no axis is longest, as on a sphere or a square
+    # 1e-3 is so small that it decides only between equally long axes, as of a sphere or a square
     spread += 1e-3 * np.trace(spread) * ties.T @ np.diag([1.0, 0.5, 0.0]) @ ties
     return np.asarray(np.linalg.eigh(spread)[1][:, :0:-1].T)
 

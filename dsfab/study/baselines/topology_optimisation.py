@@ -20,9 +20,7 @@ from dsfab.surface import LoadCase, Surface
 def face_filter(surface: Surface, radius: float) -> csr_array:
     """Return weights (m, m) between faces whose centroids are at most `radius` metres apart; each row sums to 1.
     A weight is A_f (radius - distance), divided by the sum of its row. The area A_f removes the effect of local
-    refinement
-    [Sigmund 2007].
-    """
+    refinement [Sigmund 2007]."""
     i, j = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray").T
     overlap = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
     diagonal = np.arange(surface.m)
@@ -34,8 +32,7 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
     """Return filtered sensitivities (m,): sum_f H_ef x_f s_f / max(x_e, 0.001) [Andreassen et al. 2011, eq. 11].
-    density, sensitivity : (m,) x and s; s is per area of the face [Sigmund 1997].
-    """
+    density, sensitivity : (m,) x, and s per area of the face [Sigmund 1997]."""
     return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
@@ -43,14 +40,13 @@ def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> 
 class Simp:
     """Options of SIMP.
     radius       : radius of the filter, metres, about the width of members; 0: see `filter_radius`.
-    iterations   : limit for each penalisation; a penalisation ends earlier if no density changes by more than `change`.
-    penalisation : final p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
+    iterations   : limit for each penalisation, which ends earlier if no density changes by more than `change`.
+    penalisation : final p. A face of density x has the stiffness void + x^p (1 - void) [Bendsoe, Sigmund 1999].
     steps        : number of steps in which p rises from 1; 0: p is constant. At p = 1 the problem has one solution, so
                    the result depends little on mesh and start [Petersson and Sigmund 1998].
     void         : stiffness of an empty face over that of a full face.
-    move         : largest change of a density in a step.
-    Raises StaticsError for values out of range.
-    """
+    move         : largest change of a density in one iteration.
+    Raises StaticsError for values out of range."""
 
     radius: float = 0.0
     iterations: int = 30
@@ -91,9 +87,7 @@ class Simp:
 class Densities:
     """Result of SIMP.
     density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
-    history : (iterations,) compliance (J) before each step, of sheets that cannot be built: densities lie between 0
-              and 1.
-    """
+    history : (iterations,) compliance (J) before each iteration. Such sheets, with grey densities, cannot be built."""
 
     density: Floats
     history: Floats
@@ -106,15 +100,13 @@ class Densities:
 
     @property
     def compliance(self) -> float:
-        """Compliance (J) before the last step."""
+        """Compliance (J) before the last iteration."""
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
         """Return the share of the area with a density from 0.1 to 0.9, which is neither void nor material. The share is
         large if both principal stresses are equal and opposite, as on a sphere pressed at its pole. There a rib loses
-        across
-        itself the stiffness that it gains along itself, so SIMP makes no ribs.
-        """
+        across itself the stiffness that it gains along itself, so SIMP makes no ribs."""
         return float(surface.areas @ ((self.density > 0.1) & (self.density < 0.9))) / surface.area
 
 
@@ -126,15 +118,14 @@ def densities(
     weights: Mapping[str, float] | None = None,
     options: Simp | None = None,
 ) -> Densities:
-    """Return the densities of the faces with the least compliance for sum (density x face area) = `area`, square
-    metres.
+    """Return the densities of faces with the least compliance.
+    The sum of density x face area is `area`, square metres.
     Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
     membrane and bending stiffness equally. Sensitivities are filtered, and densities follow optimality criteria as in
     top88 [Andreassen et al. 2011].
     solid   : (m,) mask of faces that stay material.     weights : factor on each load's compliance in the sum; default
               1.
-    Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces.
-    """
+    Raises StaticsError if the sheet is not supported, or if `area` is less than the area of the solid faces."""
     options, surface = options or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
     share = _start_density(surface, area, solid)
@@ -168,16 +159,15 @@ def _start_density(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Return the faces whose SIMP density exceeds a limit; the limit gives the area of the task (see `free_task`)."""
+    """Return the structure of faces whose SIMP density exceeds a limit; the limit gives the area of the task."""
     free = free_task(task)
     return [Variant("", lambda: _cut_structure(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, options: Simp | None = None) -> ComparisonTask:
-    """Return the task with two kinds of kept regions: painted regions, and discs around loads and supports. The discs
-    have the radius of the filter. The preset's rim is not kept, because it takes most of the material: with the rim, an
-    L-bracket with 30 % of the material was 3.2 or 5.0 times as soft as the whole plate.
-    """
+    """Return the task without the preset's rim; painted regions and discs around loads and supports are kept. The discs
+    have the radius of the filter. The rim would take most of the material: with it, an L-bracket with 30 % of the
+    material was 3.2 or 5.0 times as soft as the whole plate."""
     radius = (options or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
@@ -191,7 +181,7 @@ def optimised_densities(task: ComparisonTask, options: Simp | None = None) -> De
 
 
 def level_set_structure(task: ComparisonTask, density: Floats) -> Structure:
-    """Return the structure in which densities of faces (m,), averaged around the vertices, exceed a level."""
+    """Return the structure in which the density, averaged from faces (m,) to vertices, exceeds a level."""
     return matched_structure(task, partial(_level_set_layers, vertex_means(task.surface, density)))
 
 

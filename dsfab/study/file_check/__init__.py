@@ -1,8 +1,7 @@
 """Check of an exported file by independent readers.
 
-`check_file` reads, judges and measures a file; `check_contents` checks a file that is already read. With a design
-both also compare the surface and the compliance.
-"""
+`check_file` reads, judges and measures a file; `check_contents` checks a file that is already read. With a design both
+also compare the surface and the compliance."""
 
 import tempfile
 from collections.abc import Callable
@@ -36,16 +35,15 @@ __all__ = [
 
 Progress = Callable[[str, str], None]
 
-TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres: a file with thinner or thicker walls is in another unit
+TOO_THIN, TOO_THICK = 1e-4, 10.0  # metres; walls out of this range mean that the file is in another unit
 
-AGREES, DIFFERS = 0.05, 0.15  # relative difference of compliance up to which solid and shell agree, or may agree
+AGREES, DIFFERS = 0.05, 0.15  # relative differences of compliance: solid and shell agree below, differ above
 
 
 @dataclass(frozen=True)
 class Finding:
-    """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
-    reason : a sentence; empty if the numbers explain the answer.
-    """
+    """The answer to a question about a file. name : `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    reason : a sentence; empty if the numbers explain the answer."""
 
     name: str
     verdict: Status
@@ -55,9 +53,9 @@ class Finding:
 @dataclass(frozen=True, eq=False)
 class FileCheck:
     """Result of the check of a file.
-    clearances : None for a file that is not closed.       distance, carrying : None if not measured, see `findings`.
-    density    : kg/m3, 0 if unknown.
-    """
+    clearances : None for a file that is not closed.       distance, carrying : None if not measured; `findings` say
+                 why.
+    density    : kg/m3, 0 if unknown."""
 
     path: Path
     found: FileContents
@@ -93,8 +91,7 @@ def check_file(
     unit    : unit of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
     solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
     max_triangles : limit for the file (see `read_shipped`).
-    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
-    """
+    Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`)."""
     if progress:
         progress("read", f"reading {Path(path).name}")
     contents = read_shipped(path, unit, max_triangles, deflection_for(design.preset) if design else 0.0)
@@ -111,8 +108,7 @@ def check_contents(
 ) -> FileCheck:
     """Check the contents of a file like `check_file`.
     With a design, the file must have been read with the deflection that `deflection_for(preset)` returns.
-    unit_given : whether the user named the unit of the file's numbers.
-    """
+    unit_given : whether the user named the unit of the file's numbers."""
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(contents.F):,} triangles")
     sound = _file_soundness(contents, tell)
@@ -182,7 +178,7 @@ def _cut_finding(contents: FileContents) -> Finding:
 
 
 def _limit_findings(walls_and_gaps: Clearances | None, design: Design, matches_design: bool) -> list[Finding]:
-    """Check the limits of [fabrication]: by the design's measures if the file equals the design, else by the file's."""
+    """Check the limits of [fabrication]. If the file equals the design, the design's measures count, else its own."""
     options, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if matches_design else {}
     for name, limit in (("wall", options.min_wall), ("gap", options.min_gap)):

@@ -39,8 +39,7 @@ class FileContents:
     metres  : length of that unit in metres.                collapsed : triangles without three different corners.
     reader  : name of the reader.        path : path of the file.
     deflection : tolerance (m) of the triangles of curved STEP faces; else 0.
-    shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle.
-    """
+    shape   : shape of a STEP file in OCCT's binary form; else empty.      face : (m,) STEP face of each triangle."""
 
     path: Path
     V: Floats
@@ -73,8 +72,7 @@ def read_shipped(
     max_triangles : limit for an STL or a 3MF file, so that huge files are refused early.
     deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
     Raises SurfaceError or ExportError for a missing, empty, unreadable or unsuitable file, for coordinates that are not
-    finite, and for a unit if the file names its unit.
-    """
+    finite, and for a unit if the file names its unit."""
     path = Path(path)
     suffix = path.suffix.lower()
     if path.is_dir():
@@ -126,7 +124,7 @@ def _join_vertices(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
     return points, F[is_proper], int((~is_proper).sum())
 
 
-FLAT = 64 * float(np.finfo(np.float32).eps)  # a triangle of a smaller height over the mesh's size has no normal
+FLAT = 64 * float(np.finfo(np.float32).eps)  # least height of a triangle that has a normal, over the mesh's size
 
 PARALLEL = float(np.cos(np.radians(3)))  # neighbouring faces at a larger angle form a tip or a notch
 
@@ -154,11 +152,9 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards. Four
     rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts if
     the two faces are parallel to 20 degrees. The distance is that of the hit face's plane, which is exact between flat
-    faces. Neighbours that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat
-    facets
-    that meet in a point, and triangles too low for a normal in single precision, do not count. Members count as walls,
-    too.
-    """
+    faces. Neighbours at more than 3 degrees are the sides of a tip or a notch, and do not count. Other pairs that do
+    not count are coplanar parts that meet in a point, and triangles too low for a normal in single precision. Members
+    count as walls, too."""
     N, has_normal = _normals(V, F)
     face = np.flatnonzero(has_normal)
     corners = V[F[face]]
@@ -210,14 +206,13 @@ MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Distances (m) between a file's solid and a design; each has its place (3,).
-    skin      : largest distance of the skins from their exact place, half a thickness away from the sheet, and the mean
+    skin      : largest distance of the file's top and bottom from their exact place beside the sheet, and the mean
                 (`skin_mean`). Thickness that the design removed in tight bends counts; feet and other extras do not.
     to_design : largest distance from the file's surface to the design's solid: additional material or a shift.
     from_design : largest distance from the design's solid to the file's surface: missing parts or a shift.
     beyond    : largest excess of both distances over the allowance, below 0 if all are within the allowance.
     allowed   : allowance at the place of `beyond`.
-    scale     : diagonal of the file's box over that of the design.
-    """
+    scale     : diagonal of the file's box over that of the design."""
 
     skin: float
     skin_place: Floats
@@ -241,23 +236,22 @@ class Distance:
 
     @property
     def meant_unit(self) -> str | None:
-        """Probable unit of the file's numbers, if the scale is wrong by the factor of a unit, within 2 %."""
+        """Probable unit of the file's numbers if `scale` is that of a mistaken unit, within 2 %; else None."""
         return next((unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02), None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
-    """Allowed distance between a file's solid and a design's solid, as in a build.
-    flat   : metres, everywhere.     limits : limits of the smooth solid; None for a file without curved faces.
-    """
+    """Distance that is allowed between a file's solid and a design's solid.
+    flat   : metres, everywhere.     limits : additional limits on curved faces; None for a file without them."""
 
     flat: float
     limits: SmoothLimits | None = None
 
     @classmethod
     def from_design(cls, contents: FileContents, design: Design) -> "Allowance":
-        """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
-        Curved faces may deviate by the chord error of the mesh, and their triangles by their deflection.
+        """Return the allowance of a file. Triangles of STL and 3MF are exact; planar faces of STEP may be simplified.
+        Curved faces may differ by the chord error of the design's mesh, and their triangles by the file's `deflection`.
         """
         flat, step_tolerance = off_surface(design.preset), design.preset.export.step_tolerance
         if contents.reader != "OCCT":
@@ -265,7 +259,7 @@ class Allowance:
         if not contents.deflection:
             return cls(step_tolerance or SIMPLIFIED_OFF_SURFACE * flat)
         try:
-            curved = curved_design(design)  # this surface may be cut open
+            curved = curved_design(design)  # its surface may have cuts
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * step_tolerance)
         except ExportError:  # the design has planar faces only
             limits = None
@@ -280,7 +274,7 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Return the tolerance (m) of a file's curves; the chord error of the mesh is not part of it."""
+    """Return the tolerance (m) of a file's curved faces, without the chord error of the mesh."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
@@ -305,7 +299,7 @@ def _farthest(
     P = np.concatenate([V, V[F].mean(axis=1)])
     offsets = nearest_places(P, onto_V, onto_F).distance
     k = int(offsets.argmax())
-    candidates = np.flatnonzero(offsets > allowed.flat)  # chord errors matter for these points only
+    candidates = np.flatnonzero(offsets > allowed.flat)  # only for these points the chord error must be known
     candidates = candidates if len(candidates) else np.array([k])
     permitted = allowed.at_points(P[candidates])
     worst = int((offsets[candidates] - permitted).argmax())

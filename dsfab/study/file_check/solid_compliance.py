@@ -54,8 +54,7 @@ def tetrahedra(contents: FileContents, edge: float) -> Tetrahedra:
 
     gmsh itself reads STEP files and meshes them again; triangles of other files stay and are halved. Chords of curved
     faces may change the volume by `CHANGED_VOLUME`. Raises StaticsError if gmsh fails, takes too long, or fills a
-    different volume.
-    """
+    different volume."""
     volume = Surface(contents.V, contents.F).volume
     if contents.path.suffix.lower() in STEP:
         X, T = _run_gmsh({"step": str(contents.path.resolve()), "edge": edge})
@@ -95,7 +94,7 @@ def _checked_tetrahedra(X: Floats, T: Ints, volume: float, tolerance: float) -> 
     return Tetrahedra(X, T)
 
 
-OUTSIDE = 0.25  # allowed barycentric distance of a point from its tetrahedron, because curved skins become chords
+OUTSIDE = 0.25  # a point may lie outside its tetrahedron by this barycentric distance: chords replace curved skins
 
 LARGEST = 1_200_000  # limit on the number of unknowns
 
@@ -119,7 +118,7 @@ class SolidModel:
         element = ElementVector(ElementTetP2())
         count = 3 * (tets.p.shape[1] + tets.edges.shape[1])
         if count > LARGEST:
-            raise StaticsError(f"the solid model has {count:,} unknowns, more than the {LARGEST:,} that are solved")
+            raise StaticsError(f"the solid model has {count:,} unknowns, more than the limit of {LARGEST:,}")
         K, dofs = _assemble(tets, element, material)
         points = np.concatenate([tets.p.T, tets.p.T[tets.edges.T].mean(axis=1)])
         node = np.empty(count, dtype=np.int64)
@@ -133,11 +132,10 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def interpolation(self, points: Floats, reach: float) -> csr_array:
-        """Return the matrix (3 k, N) from the unknowns to the displacements x, y, z of points (k, 3), point after
+        """Return the matrix (3 k, N) from the unknowns to the displacements of points (k, 3): rows are x, y, z of each
         point.
-        reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point at a larger
-                distance.
-        """
+        reach : allowed distance of a point from the solid, metres. Raises StaticsError for a point at a larger
+                distance."""
         from skfem import ElementTetP2
 
         tet, local = self._locate(points, reach)
@@ -149,7 +147,9 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _locate(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """Return the best of the 40 nearest tetrahedra (k,) for each point, and the local coordinates (3, k) in it."""
+        """Return for each point the tetrahedron (k,) that contains it, and the point's coordinates (3, k) in it.
+        Of the 40 nearest tetrahedra, the best is used: the one that contains the point or is nearest to containing it.
+        """
         candidates = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[candidates]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
@@ -169,7 +169,7 @@ class SolidModel:
 
 
 def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
-    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. 20 000 tetrahedra at once need 150 MB."""
+    """Return the stiffness, and the unknowns (30, k) of k tetrahedra. `at_once` limits the memory, to about 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -188,9 +188,8 @@ def _assemble(tets: Any, element: Any, material: Material, at_once: int = 20_000
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """Springs that support a model, along combinations of its unknowns.
-    rows : (r, N) a combination for each spring.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
-    """
+    """Springs that support a model. Each resists one combination of the unknowns.
+    rows : (r, N) coefficients of each combination.     stiffness : (r,) N/m; a rigid support is a very stiff spring."""
 
     rows: csr_array
     stiffness: Floats
@@ -214,8 +213,7 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 EDGE = 1.0
 """Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
-thicknesses wide, edges of two thicknesses gave compliances that were 2.5 to 5 % too small.
-"""
+thicknesses wide, edges of two thicknesses gave compliances that were 2.5 to 5 % too small."""
 
 COARSE = 1 / 100  # see `EDGE`; shorter edges on thin sheets would need millions of tetrahedra
 
@@ -229,8 +227,7 @@ GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
 class SolidCompliance:
     """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
     tetrahedra, unknowns : their numbers in the solid model.    edge : longest edge on the model's surface, metres.
-    elements : names of the shell's elements.
-    """
+    elements : names of the shell's elements."""
 
     shell: float
     solid: float
@@ -251,8 +248,7 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
     Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the
     mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in this plane.
-    Raises StaticsError if gmsh or the solver fails.
-    """
+    Raises StaticsError if gmsh or the solver fails."""
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
     longest = edge or max(EDGE * t, COARSE * contents.size)
@@ -272,9 +268,8 @@ def compared_compliance(contents: FileContents, design: Design, edge: float | No
 
 @dataclass(frozen=True, eq=False)
 class SupportPoints:
-    """Points of a sheet in a solid of `thickness` metres.
-    shift : distance from the sheet to the middle of the solid, in half thicknesses.
-    """
+    """Points of a sheet in a solid that is `thickness` metres thick.
+    shift : distance from the sheet to the middle of the solid, in half thicknesses."""
 
     model: SolidModel
     sheet: Surface
@@ -282,15 +277,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """Return the matrix (3 k, N) to displacements of places (k, 3) of the sheet, means of three Gauss points
-        through the
-        thickness. The Gauss points are symmetric about the middle, so a force on them has no moment.
-        """
+        """Return the matrix (3 k, N) from the unknowns to displacements of places (k, 3) of the sheet: means of three
+        Gauss points through the thickness. They are symmetric about the middle, so a force on them has no moment."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def rotation(self, edges: Bools) -> csr_array:
-        """Return the matrix (r, N) to relative displacements of the outer Gauss points, square to each marked edge."""
+        """Return the matrix (r, N) from the unknowns to rotations at `samples` of the marked edges.
+        A rotation is the displacement, square to the edge, of the upper Gauss point relative to the lower one."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -301,10 +295,9 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Return places (k, 3) on marked edges, at most half a thickness apart, with the face normal and the edge
-        there.
-        With fewer fixed points, a line would give way between the points, unlike a fixed shell.
-        """
+        """Return places (k, 3) on marked edges, the normals of the faces there, and the edges' vectors.
+        Places are at most half a thickness apart. With fewer fixed places the line would give way, unlike a line of a
+        shell."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -329,9 +322,7 @@ def _holding(points: SupportPoints, interpolation: csr_array, loads: Mapping[str
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held_unknowns = np.flatnonzero(stiffness)
     rows, strength = [interpolation[held_unknowns]], [stiffness[held_unknowns]]
-    for axes in np.unique(
-        middles[middles.any(axis=1)], axis=0
-    ):  # a loop over groups of edges with equal held directions
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # for each group of edges with equal held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:
