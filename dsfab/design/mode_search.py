@@ -39,7 +39,9 @@ class CarryingSheet(NamedTuple):
 
 
 class TrialResult(NamedTuple):
-    """A sheet that carries its loads: its worth, the pattern that cut it, and all cells."""
+    """Result of a trial whose sheet carries its loads: candidate with its score, pattern, sheet, and all cells of
+    the cut.
+    """
 
     candidate: Candidate
     pattern: PatternResult

@@ -135,7 +135,9 @@ class LeastSquares:
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """Return the least-squares poles (n, d) for samples Q (k, d). start : (n, d) the fixed poles, else 0."""
+        """Return the least-squares poles (n, d) for samples Q (k, d).
+        start : (n, d) positions of the fixed poles; the rows of free poles are 0.
+        """
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True

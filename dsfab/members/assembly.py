@@ -23,7 +23,8 @@ spread in the first. The nearest to the centre is farther from it than HOLLOW ti
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
-    """Return the order (k,) of members along a structure of a `size`, from centroids (k, 3) and lengths (k,), metres.
+    """Return the order (k,) of members along a structure, from centroids (k, 3) and lengths (k,), metres.
+    size : largest dimension of the structure, metres.
 
     A ring is ordered counter-clockwise from the x axis, seen from above. Members that form no ring follow the direction
     of their largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the

@@ -290,7 +290,7 @@ def _section(pictures: FigurePictures, coarser: float) -> str:
     if pictures.error:
         return f"{head}{reason_paragraph(f'Not made: {pictures.error}')}</section>"
     shown = [picture_cell(image, figure.preset, "large" if i == 0 else "") for i, image in enumerate(pictures.shown)]
-    # the facts follow four pictures, so that the pictures of the families begin a row
+    # the list of facts follows four pictures, so that pictures of the two stripe families start a new row
     cells = "".join([*shown[:4], _facts(pictures, coarser), *shown[4:]])
     return f'{head}{rendition_section(pictures, coarser)}<div class="steps">{cells}</div>{_tables(pictures)}</section>'
 

@@ -23,7 +23,10 @@ MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV16: 10 m square, 50 mm thick, built in along x = 0, moving across its plane only; value in hertz."""
+    """Return the frequency (Hz) of NAFEMS test FV16: a plate 10 m square and 50 mm thick, clamped along x = 0. The
+    plate
+    moves only perpendicular to its plane.
+    """
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)

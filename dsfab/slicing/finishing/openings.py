@@ -193,7 +193,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
     across = crossings(candidates.void.surface, candidates.void.walls)
     width = weighted_medians(across.width, across.weight, candidates.label[across.face], candidates.count)
     diameters = candidates.hydraulic_diameters
-    smaller = np.clip(width, diameters / 2, diameters)  # half of the diameter is the width of a long slit
+    smaller = np.clip(width, diameters / 2, diameters)  # the hydraulic diameter of a long slit is twice its width
     small = may_be_small.copy()
     small[may_be_small] = smaller < split_value(smaller, size, ALIKE * size if alike else 0.0)
     return with_filled(cells, small), int(small.sum())

@@ -47,9 +47,9 @@ LEAST_DEGREES = 30.0
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """Two planks at a node.
-    members : lower plank and upper plank.    at : (2,) arc lengths of their courses (m).
+    members : lower plank and upper plank.    at : (2,) arc length on the axis of each plank (m).
     rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
-    ways    : (2, 3) unit tangents of both planks, square to the normal.
+    ways    : (2, 3) unit tangents of both planks, perpendicular to the normal.
     angle   : angle between the tangents, at most 90 degrees (radians)."""
 
     node: str

@@ -119,7 +119,7 @@ def divided_faces(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """Divide the faces that exceed their limits, see `allowance_used`, and add the new edges to the model.
+    """Divide each face that exceeds its tolerance (see `allowance_used`), and add the new edges to the model.
     inside : function that returns inner points (k, 6) by region.    away : function from points to vectors to the
              skins."""
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]

@@ -140,7 +140,9 @@ LOOP_SHARE = 0.03
 
 
 def decimals(thickness: float) -> int:
-    """Return the decimals of coordinates (mm) whose rounding is a small share of the thickness (mm)."""
+    """Return the number of decimals that coordinates (mm) need, so that rounding is small compared with the
+    thickness (mm).
+    """
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 

@@ -109,7 +109,8 @@ def _plain_volume(shape: Any) -> float:
 class VolumeErrors(NamedTuple):
     """Relative errors of the volume of two halves: `alone` if measured separately, `together` if measured as one shape.
 
-    `together` is measured only for `alone` between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for an invalid half.
+    `together` is measured only if `alone` lies between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 if a half is
+    invalid.
 
     Where a plane cuts two trimmed faces, the outline of the section has a gap as wide as their distance. OCCT (8.0)
     integrates over a plane from a line beside the outline. So a gap adds an error: its width times its distance from
