@@ -294,7 +294,7 @@ def test_the_hops_server_solves_requests_and_ends_slow_ones():
         server.solver.seconds = 0.01
         status, text = asked(server, "POST", "/structure", body(vault(), more, sent("snow", "System.Double", "3000")))
         assert status == 500
-        assert "was ended" in json.loads(text)["errors"][0]
+        assert "was stopped" in json.loads(text)["errors"][0]
         server.solver.seconds = 120
         assert asked(server, "POST", "/preview", body(vault(), more))[0] == 200  # and it lives on
 

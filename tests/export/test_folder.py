@@ -148,7 +148,7 @@ KILLED = """
 import json, os, shutil, sys
 from pathlib import Path
 from tests.export.delivered_folders import NEW, OLD, OWN, delivered, held
-from dsfab.export.writing import complete
+from dsfab.export.writing import complete_folder
 
 home, inside = Path(sys.argv[1]), sys.argv[2] == "inside"
 old, new = {**OLD, **OWN}, {**NEW, **OWN}
@@ -172,7 +172,7 @@ while True:
         os._exit(0)
     code = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
     seen = held(place)
-    complete(place)
+    complete_folder(place)
     then = held(place)
     left = sum(name.startswith(".partial") for _, _, names in os.walk(place.parent) for name in names)
     left += sum(name.startswith(".partial") for _, names, _ in os.walk(place.parent) for name in names)

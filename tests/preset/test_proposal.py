@@ -406,7 +406,7 @@ def test_new_writes_a_preset_that_build_takes(tmp_path, monkeypatch, capsys):
     assert "written to my_roof.toml" in said
     assert load_preset("my_roof.toml").surface.file.name == "my roof.obj"
     assert main(["new", "my roof.obj"]) == 1
-    assert "is there already" in capsys.readouterr().err
+    assert "exists already" in capsys.readouterr().err
     assert main(["new", "my roof.obj", "--force", "-o", "presets_of_mine.toml"]) == 0
     assert main(["preview", "my_roof.toml", "-o", "seen.png", "--size", "400x300"]) == 0
     assert (tmp_path / "seen.png").stat().st_size > 5000

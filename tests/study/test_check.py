@@ -262,7 +262,9 @@ def test_check_accepts_a_smooth_file_of_a_coarse_mesh_as_build_does(tmp_path, mo
     checked, count = check_file(path, vault, solid=False), path.read_text().count("=ADVANCED_FACE(")
     assert checked.has_passed
     assert verdicts(checked)["cut"] == "unknown"
-    assert next(f.reason for f in checked.findings if f.name == "cut").startswith(f"{count} faces: to cut it in CAD")
+    assert next(f.reason for f in checked.findings if f.name == "cut").startswith(
+        f"{count} faces: for a solid that can be cut in CAD"
+    )
     t = vault.preset.statics.thickness
     assert t / 20 < checked.distance.largest < checked.distance.allowed < t / 4
 

@@ -268,7 +268,7 @@ SOLVE = """
 import sys
 from pathlib import Path
 from dsfab.core.sparse import solver_name
-from dsfab.study.verdict.levels import MAIN, level, memory_needed
+from dsfab.study.verdict.levels import MAIN_ELEMENTS, level, memory_needed
 from dsfab.study.verdict.levels import on_mesh, shares
 from tests.study.pressed_plates import pressed_plate
 from dsfab.study.verdict import whole_sheet
@@ -281,8 +281,8 @@ def held():  # what `resource` tells begins with what the process held that star
     return 1024 * int(told[told.index("VmHWM:") + 1])
 
 before = held()
-level(setting.surface, setting.made, *given, (MAIN,))
-needed = memory_needed(MAIN.unknowns(setting.surface), MAIN.bending, solver_name())
+level(setting.surface, setting.made, *given, (MAIN_ELEMENTS,))
+needed = memory_needed(MAIN_ELEMENTS.unknowns(setting.surface), MAIN_ELEMENTS.bending, solver_name())
 print((held() - before) / needed)
 """
 

@@ -70,7 +70,7 @@ def _differences(graph, member, layer, nodes):
     weights = igl.barycentric_coordinates(on, *(np.ascontiguousarray(corners[:, k]) for k in range(3)))
     laid = np.einsum("qk,qki->qi", weights, U[F[face]])
     starts = [layer.course.wrapped_station(s) for s in at]
-    drawn = np.array([layer.flat(*np.atleast_2d(layer.place(x.point, x.normal, s)).T)[0]
+    drawn = np.array([layer.to_plane(*np.atleast_2d(layer.piercing_point(x.point, x.normal, s)).T)[0]
                       for x, s in zip(nodes, starts, strict=True)])  # fmt: skip
     return [
         (float(np.linalg.norm(laid[j] - laid[i]) - np.linalg.norm(drawn[j] - drawn[i])), member.id, nodes[i].id)
