@@ -368,7 +368,7 @@ def test_calibrating_takes_the_next_draw_where_one_falls_apart(monkeypatch):
 
 def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeypatch, tmp_path, capsys):
     rows = shipped_table()
-    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda told: rows)
+    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda report: rows)
     assert verify(calibration=True, out_=tmp_path) == 0
     text = capsys.readouterr().out
     assert f"verdicts on {sum(row.is_tested for row in rows)} random designs: " in text
@@ -378,6 +378,6 @@ def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeyp
     assert len(told["designs"]) == len(rows)
     assert read_table((tmp_path / "calibration.csv").read_text(encoding="utf-8")) == rows
     outside = replace(rows[0], compliance=(1.0, 1.0, 1.2, 1.25), midedge=1.0, recovery=(0.0, 0.0, 0.0, 0.0))
-    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda told: [outside])
+    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda report: [outside])
     assert verify(calibration=True, json_=True, out_=tmp_path) == 1
     assert json.loads(capsys.readouterr().out)["summary"]["inside"] == 0
