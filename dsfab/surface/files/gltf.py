@@ -126,7 +126,7 @@ _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
     """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
-    for a damaged or incomplete file, SurfaceError beyond the budget."""
+    for a damaged or incomplete file, SurfaceError over its size limits."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
@@ -154,7 +154,7 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 def read_gltf(data: bytes, budget: Budget, read_neighbour: Callable[[str], bytes]) -> TriangleFile:
     """Return the triangles of a JSON file in metres, with coincident vertices merged, and the y axis turned to z.
     read_neighbour : function that returns a file in the same folder. Raises MalformedFileError for a damaged file,
-                     SurfaceError beyond the budget."""
+                     SurfaceError over its size limits."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, read_neighbour)
     file = text_file(data)
