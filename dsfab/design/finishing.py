@@ -7,7 +7,7 @@ from dsfab.core.messages import length
 from dsfab.preset.model import Pattern, Preset, Slicing
 from dsfab.results import PatternResult
 from dsfab.slicing import Merging, PolygonMesh, sheet_of, with_least_widths
-from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, TrialCut, tidied_polygons, unrounded_sheet
+from dsfab.slicing.finishing.finish import FinishingOptions, TrialCut, tidied_polygons, unrounded_sheet
 from dsfab.surface import Surface
 
 SPECK = 0.15
@@ -139,7 +139,7 @@ def closed_share(
     polygons = polygons or tidied_polygons(surface, pattern.fields, pattern.levels, options.snap, pattern.tidy)
     sheet = unrounded_sheet(sheet_of(polygons), options)
     widened = with_least_widths(sheet.cells, *_usual_widths(preset, surface), options.merge).cells
-    return (FinishedSheet(widened).material_area - sheet.material_area) / surface.area
+    return (widened.material_area - sheet.cells.material_area) / surface.area
 
 
 def least_drawn_member(preset: Preset, surface: Surface) -> float:
@@ -156,14 +156,15 @@ def least_widths_message(least: tuple[float, float], counts: Counter[str]) -> st
     """Return a note on the places that finishing changed for the least widths, counted by kind; '' without any."""
     gap, member = least
     parts = (
-        ("closed", f"openings narrower than {length(gap)} were closed at {_places(counts['closed'])}"),
-        ("thickened", f"members narrower than {length(member)} were widened at {_places(counts['thickened'])}"),
+        ("closed", f"openings narrower than {length(gap)} were closed at {places_phrase(counts['closed'])}"),
+        ("thickened", f"members narrower than {length(member)} were widened at {places_phrase(counts['thickened'])}"),
         ("narrowed", f"{counts['narrowed']} openings that became narrower than the members beside them were filled"),
-        ("necks", f"bridges were built at {_places(counts['necks'])} that became narrow"),
+        ("necks", f"bridges were built at {places_phrase(counts['necks'])} that became narrow"),
     )
     messages = [message for name, message in parts if counts[name]]
     return ", ".join(messages) + " (slicing.min_gap, min_member)" if messages else ""
 
 
-def _places(count: int) -> str:
+def places_phrase(count: int) -> str:
+    """Return a count of places in words for a note, such as `one place` or `3 places`."""
     return f"{count} places" if count > 1 else "one place"

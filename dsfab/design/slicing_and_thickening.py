@@ -8,7 +8,7 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints, first_few
 from dsfab.core.errors import PatternError, SolidError
 from dsfab.core.messages import force, length
-from dsfab.design.finishing import finishing_options, least_widths_message
+from dsfab.design.finishing import finishing_options, least_widths_message, places_phrase
 from dsfab.design.log import Log
 from dsfab.design.pattern_measures import largest_filling
 from dsfab.design.sheet_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
@@ -64,7 +64,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
     filled, merged, bridged, spikes, widened = (finished.counts[name] for name in names)
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
-        log.note("slicing", f"{which} were cut off or straightened at {_places(stubs)}")
+        log.note("slicing", f"{which} were cut off or straightened at {places_phrase(stubs)}")
     if filled:
         than = length(options.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
         openings, verb = (f"{filled} openings", "were") if filled > 1 else ("an opening", "was")
@@ -77,7 +77,7 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", f"{_spikes(spikes)} cut off, because they projected into openings")
     if widened:
         least = length(preset.slicing.min_member or 0)
-        log.note("slicing", f"members were widened to {least} at {_places(widened)}")
+        log.note("slicing", f"members were widened to {least} at {places_phrase(widened)}")
     if radius := preset.pattern.fillet:
         log.note("slicing", _fillet_message(radius, finished.radii))
 
@@ -97,10 +97,6 @@ def _note_filled_plate(options: Pattern, surface: Surface, cut_cells: Sheet, fin
 
 def _slits(count: int) -> str:
     return f"{count} opening{'s were' if count > 1 else ' was'}"
-
-
-def _places(count: int) -> str:
-    return f"{count} places" if count > 1 else "one place"
 
 
 def _contacts(count: int) -> str:

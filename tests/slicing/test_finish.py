@@ -44,13 +44,13 @@ def test_finishing_adds_material_and_counts_what_it_changed():
     surface, cells = grid_sheet()
     finished = finish(cells, surface, ALL._replace(tolerance=None))
     assert len(finished.radii) > 100
-    assert finished.material_area > cells.surface.areas[cells.material].sum()
+    assert finished.cells.material_area > cells.surface.areas[cells.material].sum()
     assert finished.unwidened is not None
     assert finish(cells, surface, PLAIN).cells is cells
     improved = finish(cells, surface, PLAIN._replace(tolerance=0.02))
     assert improved.counts["flips"] + improved.counts["collapses"] > 0
     assert "smallest angle" in improved.shape
-    assert improved.material_area == pytest.approx(cells.surface.areas[cells.material].sum(), rel=0.02)
+    assert improved.cells.material_area == pytest.approx(cells.surface.areas[cells.material].sum(), rel=0.02)
 
 
 def test_a_sheet_works_out_its_openings_and_walls_once():

@@ -178,6 +178,11 @@ class Sheet:
         return np.asarray(self.family != VOID)
 
     @property
+    def material_area(self) -> float:
+        """Area of the material cells, square metres."""
+        return float(self.surface.areas[self.material].sum())
+
+    @property
     def has_openings(self) -> bool:
         """True for a sheet with both material and void cells."""
         material = self.material

@@ -143,11 +143,6 @@ class FinishedSheet:
         """Return the cells after a pass, with more counts."""
         return replace(self, cells=cells, counts=self.counts + Counter(counts))
 
-    @property
-    def material_area(self) -> float:
-        """Area of the material, square metres."""
-        return float(self.cells.surface.areas[self.cells.material].sum())
-
 
 Pass = Callable[[FinishedSheet], FinishedSheet]
 """A pass over the cells: it returns all cells, and adds the numbers of details that it changed to the counts."""
@@ -158,10 +153,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
     trial : the trial cut with these cells, if it exists: its passes are not repeated.
     """
-    sheet = FinishedSheet(cells)
-    for _, run in passes(uncut, options, trial):
-        sheet = run(sheet)
-    return sheet
+    return _after_passes(cells, passes(uncut, options, trial))
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
@@ -217,8 +209,12 @@ def _without_pinches(cells: Sheet, options: FinishingOptions) -> tuple[Sheet, in
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
     """Finish the cells of a cut by all `passes_before_rounding`."""
+    return _after_passes(cells, passes_before_rounding(options))
+
+
+def _after_passes(cells: Sheet, named_passes: Iterator[tuple[str, Pass]]) -> FinishedSheet:
     sheet = FinishedSheet(cells)
-    for _, run in passes_before_rounding(options):
+    for _, run in named_passes:
         sheet = run(sheet)
     return sheet
 
@@ -324,17 +320,19 @@ class TrialCut:
     @property
     def added_area(self) -> float:
         """Material that finishing adds to the cut up to the first rounding, square metres."""
-        return (self.rounded or self.unrounded).material_area - FinishedSheet(self.cells).material_area
+        return (self.rounded or self.unrounded).cells.material_area - self.cells.material_area
 
     @property
     def bridged_area(self) -> float:
         """Material that bridges between round corners add, square metres."""
-        return self.bridged.material_area - self.rounded.material_area if self.bridged and self.rounded else 0.0
+        if not (self.bridged and self.rounded):
+            return 0.0
+        return self.bridged.cells.material_area - self.rounded.cells.material_area
 
     @property
     def widened_area(self) -> float:
         """Area that wider members add, square metres."""
-        return FinishedSheet(self.least[1].cells).material_area - self.latest.material_area if self.least else 0.0
+        return self.least[1].cells.material_area - self.latest.cells.material_area if self.least else 0.0
 
     def with_bridges(self) -> "TrialCut":
         """Return the trial cut with bridges where gaps are too narrow between rounded members."""

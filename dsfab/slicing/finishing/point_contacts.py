@@ -88,7 +88,7 @@ def _material_area(sheet: Sheet) -> float:
         raise PatternError(
             "no material is left after slicing; lower the threshold, raise the frequency, or keep a rim or a disc"
         )
-    return float(sheet.surface.areas[sheet.material].sum())
+    return sheet.material_area
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:
