@@ -64,6 +64,11 @@ class Design:
         """
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
+        if not preset.statics.is_sized:
+            raise PresetError(
+                f"preset {preset.name}: statics.thickness = 'auto' has no number yet; give metres, or choose "
+                "a thickness with dsfab.sized(preset) or with the command dsfab size"
+            )
         if earlier is None:
             return cls(preset, Log(progress))
         stage = preset.first_difference(earlier.preset) or "export"
