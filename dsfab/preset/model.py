@@ -310,6 +310,8 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")
 """Names of the families of stripes."""
+FILLET = 0.55
+"""Least radius of round corners over the thickness: chords replace the arcs, and half of it would be too little."""
 STRIPES_ACROSS = 12
 """Default number of evenly spaced stripes across a square surface."""
 
@@ -629,6 +631,18 @@ class Preset(Section):
             for k, name in enumerate(("major", "minor"))
         }
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
+
+    def with_thickness(self, thickness: float) -> "Preset":
+        """Return the preset with a thickness (m). Round corners of openings get at least `FILLET` of it as radius.
+        In place of auto, the default of the least width of members is the thickness."""
+        slicing, fillet = self.slicing, self.pattern.fillet
+        if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
+            slicing = slicing.model_copy(update={"min_member": thickness})
+        if fillet and fillet < FILLET * thickness:
+            fillet = float(f"{FILLET * thickness:.2g}")
+        pattern = self.pattern.model_copy(update={"fillet": fillet})
+        statics = self.statics.model_copy(update={"thickness": thickness})
+        return self.model_copy(update={"statics": statics, "pattern": pattern, "slicing": slicing})
 
     def with_pattern(self, **changes: Any) -> "Preset":
         """Return the preset with changed values in [pattern]."""

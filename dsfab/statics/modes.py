@@ -166,6 +166,12 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
     resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face."""
+    return _on_unknowns(surface, geometric_forms(surface, resultant), elements)
+
+
+def geometric_forms(surface: Surface, resultant: Floats) -> Floats:
+    """Return the integral of grad . N grad (m, 6, 6), newtons per metre, between the hats and the bubbles of each face.
+    resultant : (m, 3, 3) membrane force per length N, newtons per metre."""
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
@@ -175,7 +181,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
         bubble = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
         gradient = np.concatenate([slope, bubble], axis=1)
         shapes += gradient @ planar @ gradient.transpose(0, 2, 1)
-    return _on_unknowns(surface, shapes * (surface.areas / 3)[:, None, None], elements)
+    return shapes * (surface.areas / 3)[:, None, None]
 
 
 def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:
