@@ -100,24 +100,24 @@ def build(
     """
     if not step.estimate:
         pictures.check_ahead()
-    from dsfab.design import run
     from dsfab.export import FORMATS, require_writable
     from dsfab.report.design.save import ready_to_draw, save
+    from dsfab.study import run_sized
 
     source = source.with_overrides(*files.preset_overrides(), *step.overrides())
     proposal = source.proposal(preset)
     print_lines(proposal.lines if proposal and not quiet else ())
-    loaded = source.read_preset(preset, proposal)
+    loaded = source.read_preset(preset, proposal, "open")
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()
     reporter = Reporter(quiet)
     if step.estimate:
-        return estimate_step(loaded, reporter)
+        return estimate_step(loaded, reporter, run_sized(loaded, reporter))
     drawable, folder = pictures.drawable(reporter), files.output or Path("outputs") / loaded.name
     require_writable(folder)
     with reporter:
         with ready_to_draw(drawable.picture):
-            design = run(loaded, reporter)
+            design = run_sized(loaded, reporter)
             if fix:
                 design = _fix_design(design, reporter)
             saved = save(design, folder, reporter, drawable.picture, drawable.marked)
@@ -168,6 +168,7 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
     from dsfab.report.design.inspection import fabrication_lines, load_lines, quality_lines
     from dsfab.report.design.statics import answer_lines, case_lines
+    from dsfab.study import sizing_result
 
     solid, pieces = design.solid, design.solid.pieces
     if losing_words := facts.get("loses_to"):
@@ -181,6 +182,8 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
     choices = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
+    if result := sizing_result(design):
+        print_lines(result.lines())
     print_lines((*load_lines(facts), *choices, *case_lines(design), *answer_lines(design), *measures))
     print_lines(f"note ({note.stage}): {note.text}" for note in design.notes)
     for path in sorted(folder.iterdir()):

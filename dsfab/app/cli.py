@@ -37,6 +37,7 @@ app.command(
 app.command(
     "dsfab.app.new:new", name="new", help="Write a preset for a surface of your own, with a line for each decision."
 )
+app.command("dsfab.app.size:size", name="size", help="Choose the thinnest sheet that carries, from the stock.")
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
 app.command(
     "dsfab.app.workshop:workshop", name="workshop", help="Cut a design from sheets: flat parts, nested on the stock."

@@ -109,7 +109,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
     from dsfab.study.fabrication import fabrication
 
     with Reporter() as reporter:
-        design = Design.from_preset(source.read_preset(preset), None, reporter).until("surface")
+        design = Design.from_preset(source.read_preset(preset, thickness="guessed"), None, reporter).until("surface")
         try:
             design.until("statics")
         finally:

@@ -42,10 +42,7 @@ def new(
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
     proposal = propose(mesh, unit, up, material, max_triangles)
     target = output or Path(f"{proposal.given.name}.toml")
-    if target.suffix != ".toml":
-        raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
-    if target.exists() and not force:
-        raise PresetError(f"{target} exists already; choose another name with -o, or overwrite the file with --force")
+    require_new_preset_file(target, force)
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
@@ -54,6 +51,14 @@ def new(
         print_result(warning)
     print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
     return 0
+
+
+def require_new_preset_file(target: Path, force: bool) -> None:
+    """Raise PresetError for a file that does not end in .toml, or that exists and shall not be overwritten."""
+    if target.suffix != ".toml":
+        raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
+    if target.exists() and not force:
+        raise PresetError(f"{target} exists already; choose another name with -o, or overwrite the file with --force")
 
 
 def strength_warning(proposal: "Proposal") -> str:
@@ -67,7 +72,7 @@ def strength_warning(proposal: "Proposal") -> str:
     if not proposal.preset.statics.strength or max(size.span, size.bridged) < 50:
         return ""
     try:
-        design = Design.from_preset(proposal.preset)
+        design = Design.from_preset(proposal.preset.with_thickness(size.thickness))
         parts, areas = design.load.parts, design.surface.areas[:, None]
         facts = [answer_facts(design, case) for case in design.statics.cases.values()]
     except DsfabError:

@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.core.errors import PatternError, StaticsError
 from dsfab.core.materials import STOCK
 from dsfab.core.messages import length, mass, table
-from dsfab.design import Design, Log, Progress, silent, surface_step
+from dsfab.design import Design, Log, Progress, run, silent, surface_step
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
@@ -100,6 +100,11 @@ class SizingResult:
 def sizing_result(design: Design) -> SizingResult | None:
     """Return the trials behind the thickness of a design; None if its preset had a thickness."""
     return design.cached_result("slicing", "sizing", lambda: None)
+
+
+def run_sized(preset: Preset, progress: Progress = silent) -> Design:
+    """Run all stages of a preset; sizing chooses the thickness if the preset leaves it open."""
+    return run(preset, progress) if preset.statics.is_sized else sized(preset, progress).until("thickening")
 
 
 def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
