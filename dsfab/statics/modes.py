@@ -11,7 +11,7 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import curvatures
 from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_clampable, require_held, with_springs
 from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
-from dsfab.statics.factorisation import FactorFunction, stiffness_factor
+from dsfab.statics.factorisation import FactorCache, FactorFunction, stiffness_factor
 from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium, flat_axis
 from dsfab.statics.stiffness import sheet_stiffness
@@ -154,6 +154,50 @@ def buckling(
         surface, minus_Kg, K, sheet.with_clamped_edges(load), elements, count, factor_of
     )
     return Buckling(1 / inverse, shapes)
+
+
+LOCAL_SHARE = 0.02
+"""A mode is local if it moves less than this share of the sheet's area: a bay or a loose end. The lowest modes of whole
+structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
+MODES_BESIDE_LOCAL = 6  # number of modes among which the first that is not local is sought
+
+
+def moved_share(surface: Surface, shapes: Floats) -> Floats:
+    """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
+    A shape that moves a part of the sheet evenly has the share of this part [participation ratio, Bell and Dean 1970].
+    """
+    squares = (shapes**2).sum(axis=2)
+    area = surface.vertex_areas
+    return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
+
+
+def lowest_buckling(
+    sheet: SheetModel,
+    load: LoadCase,
+    answer: Equilibrium,
+    elements: Elements = FOR_BUCKLING,
+    K: csr_array | None = None,
+    factor_of: FactorFunction | None = None,
+) -> tuple[float | None, str]:
+    """Return the lowest factor of `buckling`, None without one, and a clause about its mode if that is local, or ''.
+    The clause names the place of the mode and the factor of the first mode that is not local."""
+    factors = factor_of or FactorCache()
+    K = sheet_stiffness(sheet, elements) if K is None else K
+    lowest = buckling(sheet, load, answer, 1, elements, K, factors)
+    if not len(lowest.factor):
+        return None, ""
+    share = float(moved_share(sheet.surface, lowest.shapes)[0])
+    if share >= LOCAL_SHARE:
+        return float(lowest.factor[0]), ""
+    several = buckling(sheet, load, answer, MODES_BESIDE_LOCAL, elements, K, factors)
+    x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
+    is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
+    other = (
+        f"the first mode of more than {LOCAL_SHARE:.0%} has the factor {several.factor[is_global][0]:.3g}"
+        if is_global.any()
+        else f"the first {len(several.factor)} modes are all local"
+    )
+    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {other}"
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
