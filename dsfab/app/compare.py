@@ -65,7 +65,8 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
     words = []
     if buckling_cases:
         lowest = min(buckling_cases, key=lambda case: case.buckling or 0.0)
-        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load")
+        local = f" ({lowest.local})" if lowest.local else ""
+        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load{local}")
     if vibrating := [case for case in cases if case.frequency is not None]:
         words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")

@@ -20,11 +20,11 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.boundary_conditions import with_springs
-from dsfab.statics.elements import BUBBLES, Elements, edge_frames, elements_of, needle_message
+from dsfab.statics.elements import Elements, elements_of, needle_message
 from dsfab.statics.factorisation import Factor, FactorCache
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import SheetModel
-from dsfab.statics.modes import geometric_forms, geometric_stiffness, mode_supports
+from dsfab.statics.modes import geometric_products, geometric_stiffness, mode_supports
 from dsfab.statics.solve import Equilibrium, equilibrium_of_unknowns, flat_axis, held_unknowns, solution
 from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
@@ -170,11 +170,11 @@ class ThicknessBasis:
         middle = float(np.sqrt(thicknesses[0] * thicknesses[-1]))
         vectors = stiffness.basis(np.hstack(answers), middle)
         modes = across.basis(np.hstack(shapes), middle) if shapes else np.zeros((len(across.is_held), 0))
-        along = _shape_vectors(across, modes)
+        resultants = np.array([_resultant(sheet, stiffness, x) for x in vectors.T])
         return cls(
             *(sheet, loads, stiffness, constant, per_metre, vectors, stiffness.within(vectors)),
             modes=across.within(modes) if modes.size else None,
-            geometric=np.array([_geometric(surface, _resultant(sheet, stiffness, x), along) for x in vectors.T]),
+            geometric=-geometric_products(surface, resultants, across.elements, modes),
         )
 
     def answers(self, thickness: float) -> dict[str, Equilibrium]:
@@ -233,27 +233,6 @@ def _resultant(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> F
     surface = sheet.surface
     moved = equilibrium_of_unknowns(surface, stiffness.load, stiffness.elements, 0 * x, x, stiffness.is_held)
     return stress(surface, sheet.material, moved.u, sheet.law, moved.bubbles)
-
-
-def _shape_vectors(across: ThicknessStiffness, modes: Floats) -> Floats:
-    """Return the vector (m, 6, 3, s), metres, of each hat and each edge bubble of a face in modes (u, s)."""
-    surface, count = across.surface, modes.shape[1]
-    corners, edges = np.split(modes, [3 * surface.n])
-    by_name = edges.reshape(len(across.elements.on_edges), len(surface.edges.ends), 1, count)
-    middle = np.zeros((len(surface.edges.ends), 3, count))
-    for name, amplitude in zip(across.elements.on_edges, by_name, strict=True):
-        if name in BUBBLES:
-            middle += edge_frames(surface)[:, BUBBLES.index(name), :, None] * amplitude
-    at_corners = corners.reshape(surface.n, 3, count)[surface.F]
-    return np.concatenate([at_corners, middle[surface.edges.of]], axis=1)
-
-
-def _geometric(surface: Surface, resultant: Floats, vectors: Floats) -> Floats:
-    """Return minus the geometric stiffness (s, s) between modes with `_shape_vectors` (m, 6, 3, s).
-    resultant : (m, 3, 3) membrane force, N/m."""
-    rows, count = 18 * surface.m, vectors.shape[-1]
-    forces = geometric_forms(surface, resultant) @ vectors.reshape(surface.m, 6, 3 * count)
-    return np.asarray(-vectors.reshape(rows, count).T @ forces.reshape(rows, count))
 
 
 def _buckling_modes(across: ThicknessStiffness, factor: Factor, resultant: Floats) -> Floats:

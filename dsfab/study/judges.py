@@ -14,8 +14,8 @@ from dsfab.statics import (
     Equilibrium,
     ResultRequest,
     SheetStress,
-    buckling,
     frequencies,
+    lowest_buckling,
     mode_supports,
     sheet_stress,
     solve_for,
@@ -42,6 +42,7 @@ class CaseResponse:
     buckling_bound, frequency_bound : half width of their intervals over the value; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
+    local       : clause about a lowest buckling mode that is local, see `dsfab.statics.lowest_buckling`; or ''.
     """
 
     compliance: float
@@ -57,6 +58,7 @@ class CaseResponse:
     frequency: float | None = None
     refusals: tuple[str, ...] = ()
     assumed: str = ""
+    local: str = ""
     buckling_bound: float | None = None
     frequency_bound: float | None = None
     triangles: int = 0
@@ -177,25 +179,24 @@ def _reactions(
 
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, request: ResultRequest
-) -> tuple[float | None, float | None, tuple[str, ...], str]:
+) -> tuple[float | None, float | None, tuple[str, ...], str, str]:
     sheet = task.preset.statics.sheet(structure.thickness).model_for(structure.sheet.surface)
-    factor, hertz, refusals = np.empty(0), np.empty(0), []
+    factor, local, hertz, refusals = None, "", None, []
     if not request.modes:
-        return None, None, (), ""
+        return None, None, (), "", ""
     standing = mode_supports(sheet.surface, load)
     try:
         if request.buckling:
-            factor = buckling(sheet, standing.load, answer, 1).factor
+            factor, local = lowest_buckling(sheet, standing.load, answer)
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
         if request.frequencies:
             turning = replace(sheet, clamped=all_clamped(standing.load))
-            hertz = frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz
+            hertz = float(frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz[0])
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
-    lowest = [float(values[0]) if len(values) else None for values in (factor, hertz)]
-    return lowest[0], lowest[1], tuple(refusals), standing.told
+    return factor, hertz, tuple(refusals), standing.told, local
 
 
 def full(
@@ -266,4 +267,5 @@ def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResp
         frequency_bound=hertz.finite_bound if hertz else None,
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
+        local=modes.local.get(name, ""),
     )
