@@ -7,7 +7,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_lines, print_result
+from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
 
 
 def size(
@@ -47,4 +47,4 @@ def size(
         with atomic_file(output) as path:
             path.write_text(preset_toml(design.preset), encoding="utf-8")
         print_result(f"written to {output}; build it: dsfab build {shlex.quote(str(output))}")
-    return 0 if result.fits else 5
+    return ExitCode.DONE if result.fits else ExitCode.DOES_NOT_CARRY

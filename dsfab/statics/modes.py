@@ -229,7 +229,7 @@ def geometric_products(surface: Surface, resultants: Floats, elements: Elements,
     """Return x . K_g x (b, s, s) between modes (u, s), of each membrane force (b, m, 3, 3), see `geometric_stiffness`."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
-    rows, count = along[..., 0].size, modes.shape[1]
+    rows, count = 10 * surface.m, modes.shape[1]
     forces = ((_in_faces(surface, N) @ along.reshape(surface.m, 2, 5 * count)).reshape(rows, count) for N in resultants)
     return np.array([along.reshape(rows, count).T @ force for force in forces])
 
