@@ -36,6 +36,7 @@ SECTIONS = {
     "slicing": preset.Slicing,
     "thickening": preset.Thickening,
     "fabrication": preset.Fabrication,
+    "sizing": sections.Sizing,
     "export": preset.Export,
     "workshop": sections.Workshop,
     "eurocode": sections.Eurocode,

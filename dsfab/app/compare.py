@@ -13,7 +13,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import ExitCode, Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
 from dsfab.core.messages import value_with_bound as bounded
@@ -65,7 +65,8 @@ def _mode_lines(competitor: "Competitor") -> list[str]:
     words = []
     if buckling_cases:
         lowest = min(buckling_cases, key=lambda case: case.buckling or 0.0)
-        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load")
+        local = f" ({lowest.local})" if lowest.local else ""
+        words.append(f"buckles at {bounded(lowest.buckling or 0.0, lowest.buckling_bound)} x the load{local}")
     if vibrating := [case for case in cases if case.frequency is not None]:
         words.append(f"swings at {bounded(vibrating[0].frequency or 0.0, vibrating[0].frequency_bound, 'Hz')}")
     assumed = next((f" ({case.assumed})" for case in cases if case.assumed), "")
@@ -211,7 +212,8 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
         print_result(document)
     elif not quiet:
         _print_results(comparisons, findings, [folder / name for name in files])
-    return int(any(share is None and compared.design.judgement is None for share, compared in comparisons))
+    lost = any(share is None and compared.design.judgement is None for share, compared in comparisons)
+    return ExitCode.DOES_NOT_CARRY if lost else ExitCode.DONE
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
@@ -320,7 +322,9 @@ class Batch:
             print_result(json.dumps([row | {"folder": str(row["folder"] or "")} for row in rows], indent=2))
         elif not quiet:
             print_result("\n".join(f"  {folder / name}" for name in FILES))
-        return int(any(row["error"] or row["verdict"] == "fail" for row in rows))
+        if any(row["error"] for row in rows):
+            return ExitCode.NOT_MADE
+        return ExitCode.DOES_NOT_CARRY if any(row["verdict"] == "fail" for row in rows) else ExitCode.DONE
 
     def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> SummaryRow:
         name, command = Path(preset).stem, self.task.command(preset)
@@ -391,7 +395,7 @@ def compare(
     Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes a report
     for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of compliance
     over mass. Several presets are compared in turn, also after an error, and summary.html has a line for each. The
-    exit code is 1 if a design does not carry its loads.
+    exit code is 5 if a design does not carry its loads.
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
@@ -82,20 +82,28 @@ class Source:
     up: Up = None
     max_triangles: MaxTriangles = None
 
-    def read_preset(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
+    def read_preset(
+        self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
+    ) -> "Preset":
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
-        proposal : proposal for the mesh, if the caller has it.
+        proposal  : proposal for the mesh, if the caller has it.
+        thickness : what replaces the thickness auto: the one that sizing chooses, a first guess in no time, or nothing.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 
         proposal = proposal or self.proposal(name)
         if proposal:
-            return with_overrides(proposal.preset, self.overrides())
-        preset = load_preset(name, self.overrides(), self.mesh)
-        if self.mesh is None:
-            require_mesh(preset)
-        return preset
+            preset = with_overrides(proposal.preset, self.overrides())
+        else:
+            preset = load_preset(name, self.overrides(), self.mesh)
+            if self.mesh is None:
+                require_mesh(preset)
+        if thickness == "open" or preset.statics.is_sized:
+            return preset
+        from dsfab.study import guessed_preset, sized_preset
+
+        return sized_preset(preset) if thickness == "sized" else guessed_preset(preset)
 
     def proposal(self, name: str) -> "Proposal | None":
         """Return the proposal for a mesh file; None for a preset."""

@@ -6,18 +6,32 @@ import threading
 import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from enum import IntEnum
 from typing import Self
 
 from rich.console import Console
 from rich.status import Status
 
 
+class ExitCode(IntEnum):
+    """Exit codes of every command; docs/messages.md has the same table."""
+
+    DONE = 0
+    REFUSED = 1  # the input is refused, or a check of it fails
+    WRONG_USAGE = 2
+    UNFINISHED = 3  # stopped; the same command goes on
+    NOT_MADE = 4  # something that was requested was not made
+    DOES_NOT_CARRY = 5  # the files are written, but the structure does not carry its loads
+    BUG = 70
+    INTERRUPTED = 130  # Ctrl-C
+
+
 class Reporter:
     """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last
-    stage."""
+    stage.    steps : False to show a stage on a terminal only while it runs, without a line that stays."""
 
-    def __init__(self, quiet: bool = False) -> None:
-        self.quiet = quiet
+    def __init__(self, quiet: bool = False, steps: bool = True) -> None:
+        self.quiet, self.steps = quiet, steps
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
         self._stage: tuple[str, str, float] | None = None
         self._status: Status | None = None
@@ -46,7 +60,8 @@ class Reporter:
         self.stop()
         if self._stage:
             stage, doing, start = self._stage
-            self._console.print(f"{stage:<11} {doing:<52} {time.perf_counter() - start:7.2f} s", markup=False)
+            if self.steps:
+                self._console.print(f"{stage:<11} {doing:<52} {time.perf_counter() - start:7.2f} s", markup=False)
             self._stage = None
 
     def stop(self) -> None:

@@ -64,6 +64,11 @@ class Design:
         """
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
+        if not preset.statics.is_sized:
+            raise PresetError(
+                f"preset {preset.name}: statics.thickness = 'auto' has no number yet; give metres, or choose "
+                "a thickness with dsfab.sized(preset) or with the command dsfab size"
+            )
         if earlier is None:
             return cls(preset, Log(progress))
         stage = preset.first_difference(earlier.preset) or "export"
@@ -96,6 +101,10 @@ class Design:
     def cached_result(self, stage: str, name: str, make: Callable[[], T]) -> T:
         """Memoise `make()` under `name`. A revision keeps the result if only stages after `stage` changed."""
         return self._results.derived_value(stage, name, make)
+
+    def existing_result(self, name: str) -> Any:
+        """Return a memoised result of `cached_result` if it exists, else None."""
+        return self._results.existing_value(name)
 
     def write(self, path: str | Path, **options: Any) -> Path:
         """Write one file in the format of its suffix; see `dsfab.write`."""

@@ -1,7 +1,7 @@
 """Checks of a preset: error messages for wrong keys and values, names of load cases, material values."""
 
 import dataclasses
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -217,6 +217,27 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
         for key in KEYS:
             if f"statics.{key}" not in changes:
                 values.pop(key, None)
+
+
+AUTO_THICKNESS = float("inf")
+"""Stands for a thickness that sizing chooses; a preset file says "auto"."""
+
+
+def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:
+    """Return a thickness (m), or `AUTO_THICKNESS` for the word auto; raises ValueError for another word."""
+    if isinstance(value, str) and value.strip().lower() == "auto":
+        return AUTO_THICKNESS
+    try:
+        return check(value)
+    except ValidationError as error:
+        if isinstance(value, str):
+            raise ValueError(f"{value!r} is neither a number of metres nor auto") from error
+        raise
+
+
+def auto_or_metres(thickness: float) -> float | str:
+    """Return the value of a preset file for a thickness (m): a number, or the word auto."""
+    return "auto" if thickness == AUTO_THICKNESS else thickness
 
 
 def modulus(value: float) -> float:

@@ -9,7 +9,16 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
-from pydantic import AfterValidator, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import (
+    AfterValidator,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    Tag,
+    WrapValidator,
+    field_validator,
+    model_validator,
+)
 
 from dsfab.core.errors import PatternError
 from dsfab.core.units import GRAVITY
@@ -17,6 +26,8 @@ from dsfab.diffusion import Labelling, symmetry_group
 from dsfab.diffusion.tensors import ISOTROPY
 from dsfab.pattern import JUMP, Guide, Rule, Stripes, Widths
 from dsfab.preset.checks import (
+    AUTO_THICKNESS,
+    auto_or_metres,
     case_mistakes,
     combines,
     follow_weights,
@@ -27,9 +38,10 @@ from dsfab.preset.checks import (
     require_strength,
     resistance,
     specific_mass,
+    thickness_or_auto,
     with_material,
 )
-from dsfab.preset.sections import Eurocode, Workshop
+from dsfab.preset.sections import Eurocode, Sizing, Workshop
 from dsfab.preset.surface_section import AnySurface, Section, plain, surface_table
 from dsfab.statics import Bending, Elements, Law, Material, Membrane, ResultRequest, SheetMaterial
 from dsfab.surface import (
@@ -51,8 +63,8 @@ STAGES = ("surface", "statics", "diffusion", "pattern", "slicing", "thickening",
 class Statics(Section):
     """[statics]: the sheet's material, thickness and elements."""
 
-    thickness: Annotated[float, Gt(0)]
-    """Metres; also the thickness of the finished solid."""
+    thickness: Annotated[float, Gt(0), WrapValidator(thickness_or_auto), PlainSerializer(auto_or_metres)]
+    """Metres; also the thickness of the finished solid. auto: the thinnest that meets the targets of [sizing]."""
     material: Annotated[str | None, AfterValidator(known_name)] = None
     """S235, GL24h, ... (see `dsfab materials`): gives default values of young, poisson, density and strength."""
     young: Annotated[float, Gt(0), AfterValidator(modulus)] = 210e9
@@ -113,6 +125,11 @@ class Statics(Section):
         """Name of the material: 'GL24h', or 'GL24h, but for density' with another density; empty without a material."""
         own_keys = own_values(dict(self))
         return f"{self.material}, but for {', '.join(own_keys)}" if self.material and own_keys else self.material or ""
+
+    @property
+    def is_sized(self) -> bool:
+        """True if the thickness is a number, and not for sizing to choose."""
+        return self.thickness != AUTO_THICKNESS
 
     def require_strength(self) -> None:
         """Raise PresetError if the preset has neither a material nor a strength, which member checks need."""
@@ -293,6 +310,8 @@ def _with_curves(thing: Any) -> Any:
 Method = Literal["modes", "stripes", "auto"]
 FAMILIES = ("major", "minor")
 """Names of the families of stripes."""
+FILLET = 0.55
+"""Least radius of round corners over the thickness: chords replace the arcs, and half of it would be too little."""
 STRIPES_ACROSS = 12
 """Default number of evenly spaced stripes across a square surface."""
 
@@ -523,6 +542,7 @@ class Preset(Section):
     slicing: Slicing = Slicing()
     thickening: Thickening = Thickening()
     fabrication: Fabrication = Fabrication()
+    sizing: Sizing = Sizing()
     workshop: Workshop = Workshop()
     eurocode: Eurocode = Eurocode()
     export: Export = Export()
@@ -611,6 +631,18 @@ class Preset(Section):
             for k, name in enumerate(("major", "minor"))
         }
         return self.model_copy(update={"pattern": self.pattern.model_copy(update=families)})
+
+    def with_thickness(self, thickness: float) -> "Preset":
+        """Return the preset with a thickness (m). Round corners of openings get at least `FILLET` of it as radius.
+        In place of auto, the default of the least width of members is the thickness."""
+        slicing, fillet = self.slicing, self.pattern.fillet
+        if not self.statics.is_sized and slicing.min_member is None and self.pattern.for_workshop:
+            slicing = slicing.model_copy(update={"min_member": thickness})
+        if fillet and fillet < FILLET * thickness:
+            fillet = float(f"{FILLET * thickness:.2g}")
+        pattern = self.pattern.model_copy(update={"fillet": fillet})
+        statics = self.statics.model_copy(update={"thickness": thickness})
+        return self.model_copy(update={"statics": statics, "pattern": pattern, "slicing": slicing})
 
     def with_pattern(self, **changes: Any) -> "Preset":
         """Return the preset with changed values in [pattern]."""

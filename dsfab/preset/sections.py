@@ -1,4 +1,4 @@
-"""The sections [workshop] and [eurocode]."""
+"""The sections [sizing], [workshop] and [eurocode]."""
 
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
@@ -8,6 +8,22 @@ from pydantic import Field, field_validator, model_validator
 
 from dsfab.preset.surface_section import Section
 from dsfab.surface import Load
+
+
+class Sizing(Section):
+    """[sizing]: targets of the cut structure for `statics.thickness = "auto"` and for `dsfab size`."""
+
+    utilisation: Annotated[float, Gt(0), Le(1)] = 0.8
+    """Largest utilisation of a member: by Eurocode where the material has grades, else stress over strength."""
+    movement: Annotated[float, Gt(0)] = 300.0
+    """Span over the largest movement, at least: 300 allows 10 mm on a span of 3 m."""
+    buckling: Annotated[float, Ge(0)] = 4.0
+    """Least buckling load factor; real shells buckle below the computed factor. 0: no target."""
+    thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
+    """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
+    first: Annotated[float, Ge(0), Le(10)] = 0.0
+    """First guess, metres: sizing tries thicknesses of a quarter to four times this. 0: by the size of the surface."""
+
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]
 StockSize = tuple[Annotated[float, Gt(0)], Annotated[float, Gt(0)]]

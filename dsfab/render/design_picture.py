@@ -27,12 +27,14 @@ from dsfab.render.view import named_side, up_axis
 
 
 def caption(design: Design) -> str:
-    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces."""
-    pieces = design.solid.pieces
+    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces.
+    It ends with a warning if the design is known not to carry its loads."""
+    pieces, judged = design.solid.pieces, design.existing_result("carrying")
+    warning = " - DOES NOT CARRY ITS LOADS" if judged and judged.faults else ""
     share = design.sheet.surface.area / design.surface.area
     return (
         f"{design.preset.name} - {share:.0%} of the surface kept, {length(design.preset.statics.thickness)} thick, "
-        f"{mass(design.mass)}, {pieces} {'piece' if pieces == 1 else 'pieces'}"
+        f"{mass(design.mass)}, {pieces} {'piece' if pieces == 1 else 'pieces'}{warning}"
     )
 
 

@@ -6,11 +6,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import StaticsError
+from dsfab.statics.bending import curvatures
 from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_clampable, require_held, with_springs
 from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
-from dsfab.statics.factorisation import FactorFunction, stiffness_factor
+from dsfab.statics.factorisation import FactorCache, FactorFunction, stiffness_factor
 from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium, flat_axis
 from dsfab.statics.stiffness import sheet_stiffness
@@ -61,11 +62,13 @@ HATS = (np.eye(3) + 1) / 12  # Integrals of products of two hats over a triangle
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45  # Integrals of products of two edge bubbles 4 phi_j phi_k.
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
 """Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
+VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
+"""Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
-
-MODE_RESIDUAL = 1e-4
+MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative error of
-the mode [Parlett 1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long."""
+the mode [Parlett 1980, 4.5]. Rounding alone gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness;
+its square is nearer to the true error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,6 +139,7 @@ def buckling(
              `load`. Loads keep their direction (a pressure does not rotate with the sheet), and displacements before
              buckling do not count. Real thin shells buckle well below this factor, cylinders under axial load at a
              fifth to a half [Koiter 1945; NASA SP-8007].
+    elements : `midedge` has local modes of its own beside needles, so cut sheets need the default.
     K, factor_of : (u, u), as for `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -152,6 +156,50 @@ def buckling(
     return Buckling(1 / inverse, shapes)
 
 
+LOCAL_SHARE = 0.02
+"""A mode is local if it moves less than this share of the sheet's area: a bay or a loose end. The lowest modes of whole
+structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
+MODES_BESIDE_LOCAL = 6  # number of modes among which the first that is not local is sought
+
+
+def moved_share(surface: Surface, shapes: Floats) -> Floats:
+    """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
+    A shape that moves a part of the sheet evenly has the share of this part [participation ratio, Bell and Dean 1970].
+    """
+    squares = (shapes**2).sum(axis=2)
+    area = surface.vertex_areas
+    return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
+
+
+def lowest_buckling(
+    sheet: SheetModel,
+    load: LoadCase,
+    answer: Equilibrium,
+    elements: Elements = FOR_BUCKLING,
+    K: csr_array | None = None,
+    factor_of: FactorFunction | None = None,
+) -> tuple[float | None, str]:
+    """Return the lowest factor of `buckling`, None without one, and a clause about its mode if that is local, or ''.
+    The clause names the place of the mode and the factor of the first mode that is not local."""
+    factors = factor_of or FactorCache()
+    K = sheet_stiffness(sheet, elements) if K is None else K
+    lowest = buckling(sheet, load, answer, 1, elements, K, factors)
+    if not len(lowest.factor):
+        return None, ""
+    share = float(moved_share(sheet.surface, lowest.shapes)[0])
+    if share >= LOCAL_SHARE:
+        return float(lowest.factor[0]), ""
+    several = buckling(sheet, load, answer, MODES_BESIDE_LOCAL, elements, K, factors)
+    x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
+    is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
+    other = (
+        f"the first mode of more than {LOCAL_SHARE:.0%} has the factor {several.factor[is_global][0]:.3g}"
+        if is_global.any()
+        else f"the first {len(several.factor)} modes are all local"
+    )
+    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {other}"
+
+
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
     per_area : kg/m2. The entries of the corners sum to three times the sheet's mass, once for each of x, y and z."""
@@ -165,17 +213,63 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
-    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face."""
+    resultant : (m, 3, 3) membrane force per length N, newtons per metre, tangent to each face.
+
+    A stress may only load slopes that the elements resist; otherwise a single needle buckles alone. The slope of a
+    quadratic bubble on the short edge of a needle is 1 / (short edge), and neither `hybrid` nor `hhj` resists it. So a
+    face has the mean gradient of hats and, for `hhj`, of normal bubbles, plus the constant curvature of the edges'
+    rotations [Morley 1968] times the distance from the centroid. The factor of a plate keeps its fourth order.
+    """
+    slopes, columns = _slopes(surface, elements)
+    blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
+    return assemble_blocks(blocks, columns, elements.unknowns(surface))
+
+
+def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
+    """Return x . K_g x (b, s, s) between modes (u, s), of each membrane force (b, m, 3, 3), see `geometric_stiffness`."""
+    slopes, columns = _slopes(surface, elements)
+    along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
+    rows, count = 10 * surface.m, modes.shape[1]
+    forces = ((_in_faces(surface, N) @ along.reshape(surface.m, 2, 5 * count)).reshape(rows, count) for N in resultants)
+    return np.array([along.reshape(rows, count).T @ force for force in forces])
+
+
+def _in_faces(surface: Surface, resultant: Floats) -> Floats:
     t = tangents(surface)
-    planar = np.einsum("mai,mij,mbj->mab", t, resultant, t)
-    slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
-    shapes = np.zeros((surface.m, 6, 6))
-    for opposite in range(3):  # the middles of edges integrate products of linear gradients exactly
-        weights = np.where(np.arange(3) == opposite, 0.0, 0.5)
-        bubble = 4 * (weights[:, None] * np.roll(slope, -1, axis=1) + np.roll(weights, -1)[:, None] * slope)
-        gradient = np.concatenate([slope, bubble], axis=1)
-        shapes += gradient @ planar @ gradient.transpose(0, 2, 1)
-    return _on_unknowns(surface, shapes * (surface.areas / 3)[:, None, None], elements)
+    return np.asarray(np.einsum("mai,mij,mbj->mab", t, resultant, t))
+
+
+def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
+    """Return slopes (m, 2, 5, c) along both tangents of each face, and the unknowns (m, c) that cause them, such that
+    K_g is the sum of slope . N slope. They are the mean slopes of x, y and z, and those of the normal by its curvature
+    at two places; times the square root of the area."""
+    names = ("normal", "rotation") if elements.bending == "hhj" else ()
+    mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
+    slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
+    if names:
+        corner = np.einsum("mci,mai->mca", surface.V[surface.F] - surface.centroids[:, None], tangents(surface))
+        inertia, axes = np.linalg.eigh(np.einsum("mca,mcb,m->mab", corner, corner, surface.areas / 12))
+        places = axes * np.sqrt(inertia.clip(min=0))[:, None, :]
+        bent = np.einsum("uab,mux,mbj->majx", VOIGT, curvatures(surface), places, optimize=True)
+        slopes[:, :, 3:, [*range(9), -3, -2, -1]] = bent
+    return slopes, elements.columns(surface, *names)
+
+
+def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
+    """Return the mean gradients (m, 2, 3, 9 + 3 len(names)) of each face: of x, y and z, along both tangents.
+    Columns: unit moves of corners, then the unknowns `names` of half-edges. As in the bending stiffness, a normal
+    bubble moves a face along its normal alone."""
+    slope = np.einsum("mik,mak->mai", hat_gradients(surface), tangents(surface))
+    gradients = np.zeros((surface.m, 2, 3, 9 + 3 * len(names)))
+    for i in range(3):
+        gradients[:, :, i, i:9:3] = slope
+    if names:
+        normal = surface.normals
+        share = np.einsum("mci,mi->mc", edge_frames(surface)[surface.edges.of, 2], normal)
+        # the mean of grad (4 phi_j phi_k) is 4/3 (grad phi_j + grad phi_k), the gradient of the opposite hat times -4/3
+        mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
+        gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
+    return gradients
 
 
 def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:

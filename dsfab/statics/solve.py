@@ -1,7 +1,7 @@
 """Displacements, reactions and compliance from linear solves, with checks of balance and residual."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from types import MappingProxyType
 
@@ -117,18 +117,17 @@ def equilibria(
            that follows from the residuals of its parts.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
-    fixed, turning = _held_freedoms(surface, loads, elements)
+    is_held = held_unknowns(surface, loads, elements)
     F = np.stack([load.force.ravel() for load in loads], axis=1)
-    is_held = fixed.ravel()
     if elements.on_edges:
         spread_loads = spreads or [SpreadLoad.broadcast(surface)] * len(loads)
         bubbles = [spread.bubble_forces(surface, elements).T.ravel() for spread in spread_loads]
         F = np.concatenate([F, np.stack(bubbles, axis=1)])
-        is_held = np.concatenate([is_held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    X, residuals = _solution(surface, with_springs(K, loads[0]), F, is_held, factor_of or stiffness_factor)
+    X, residuals = solution(surface, with_springs(K, loads[0]), F, is_held, factor_of or stiffness_factor)
     answers = []
     for load, f, x, residual in zip(loads, F.T, X.T, residuals, strict=True):
-        answers.append(_answer(surface, load, elements, K @ x - f, x, is_held, float(f @ x), float(residual)))
+        answer = equilibrium_of_unknowns(surface, load, elements, K @ x - f, x, is_held)
+        answers.append(replace(answer, compliance=float(f @ x), residual=float(residual)))
         require_solved(surface, answers[-1].imbalance, residual)
     return (*answers, *(_combination(surface, loads, answers, factors, F, X) for factors in sums))
 
@@ -142,33 +141,31 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
             raise StaticsError("load cases solved together need the same supports; solve these cases one by one")
 
 
-def _held_freedoms(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
+def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, plane: bool | None = None) -> Bools:
+    """Return the unknowns (u,) that do not move, for loads on the same supports.
+    plane : false for a flat sheet that may move out of its plane; by default this follows from the loads.
+    Raises StaticsError if the supports leave a motion free, and for a load on a vertex without faces."""
     reference = loads[0]
     clamped = all_clamped(reference)
     require_clampable(surface, elements, clamped)
     fixed = reference.fixed.copy()
-    if (axis := flat_axis(surface, *loads)) is not None:
+    if plane is not False and (axis := flat_axis(surface, *loads)) is not None:
         fixed[:, axis] = True
     turning = clamped if "rotation" in elements.on_edges else None
     require_held(surface, reference, fixed, turning)
     for load in loads:
         require_loads_on_faces(surface, load)
-    return fixed, turning
+    if not elements.on_edges:
+        return fixed.ravel()
+    return np.concatenate([fixed.ravel(), held_on_edges(surface, elements, fixed, turning).T.ravel()])
 
 
-def _answer(
-    surface: Surface,
-    load: LoadCase,
-    elements: Elements,
-    unbalanced: Floats,
-    x: Floats,
-    is_held: Bools,
-    compliance: float,
-    residual: float,
+def equilibrium_of_unknowns(
+    surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x.
+    """Return the equilibrium of unknowns x (u,), with the compliance and the residual 0.
 
-    unbalanced : K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
+    unbalanced : (u,) K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(unbalanced, [3 * surface.n])
     u = corners.reshape(-1, 3)
@@ -177,7 +174,7 @@ def _answer(
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(is_held[3 * surface.n :], on_edges, 0.0))
     named = zip(elements.on_edges, edges.reshape(len(elements.on_edges), -1), strict=True) if len(edges) else ()
-    return Equilibrium(u, reaction, compliance, imbalance, residual, dict(named), torque, elements)
+    return Equilibrium(u, reaction, 0.0, imbalance, 0.0, dict(named), torque, elements)
 
 
 def _combination(
@@ -218,7 +215,7 @@ def require_solved(surface: Surface, imbalance: float, residual: float) -> None:
     )
 
 
-def _solution(
+def solution(
     surface: Surface, K: csr_array, F: Floats, is_held: Bools, factor_of: FactorFunction
 ) -> tuple[Floats, Floats]:
     """Return unknowns (N, k) under forces F (N, k), 0 for unknowns without stiffness, and relative residuals (k,)."""

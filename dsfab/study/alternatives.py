@@ -125,6 +125,8 @@ def _judgement_columns(judgement: Judgement) -> dict[str, Any]:
         columns["refusals"] = "; ".join(refusals)
     if assumed := "; ".join(dict.fromkeys(case.assumed for case in cases if case.assumed)):
         columns["assumed"] = assumed
+    if local := "; ".join(dict.fromkeys(case.local for case in cases if case.local)):
+        columns["buckling_mode"] = local
     columns["imbalance"] = max(case.imbalance for case in cases)
     columns["residual"] = max(case.residual for case in cases)
     return columns

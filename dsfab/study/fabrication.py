@@ -233,14 +233,18 @@ def _changes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
 
 def _fewer_stripes(design: Design, measured: FabricationMeasures) -> dict[str, Any]:
     short = min((c.value[0] / c.limit[0] for c in measured.failed_checks if c.name == "min_member"), default=COARSER)
-    factor, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
-    pattern = design.preset.pattern
+    return spacing_changes(design, 1 / min(max(short, COARSEST), COARSER))
+
+
+def spacing_changes(design: Design, factor: float) -> dict[str, Any]:
+    """Return values of the preset, by dotted keys, for stripes with `factor` times the spacing."""
+    pattern, changes = design.preset.pattern, dict[str, Any]()
     for name, family in zip(pattern.family_names, pattern.drawn_families, strict=True):
         if family.spacing or design.pattern.even:
             spacing = family.distance(design.surface.area, design.surface.mean_edge)
-            changes[f"pattern.{name}.spacing"] = _four_digits(spacing / factor)
+            changes[f"pattern.{name}.spacing"] = _four_digits(spacing * factor)
         else:
-            changes[f"pattern.{name}.frequency"] = _four_digits(family.frequency * factor)
+            changes[f"pattern.{name}.frequency"] = _four_digits(family.frequency / factor)
     return changes
 
 

@@ -6,26 +6,26 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
 from dsfab.design import Progress, acting_on, sheet_loads
-from dsfab.slicing import Sheet
 from dsfab.statics import (
     Equilibrium,
     ResultRequest,
     SheetStress,
-    buckling,
     frequencies,
+    lowest_buckling,
     mode_supports,
     sheet_stress,
     solve_for,
 )
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.carrying import support_shares
 from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, check, estimates, mode_intervals
 from dsfab.study.verdict.estimates import Extreme, quantile, stress_extremes
-from dsfab.surface import LoadCase, Support, Surface
+from dsfab.surface import LoadCase
 
 
 @dataclass(frozen=True)
@@ -42,6 +42,7 @@ class CaseResponse:
     buckling_bound, frequency_bound : half width of their intervals over the value; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
+    local       : clause about a lowest buckling mode that is local, see `dsfab.statics.lowest_buckling`; or ''.
     """
 
     compliance: float
@@ -57,6 +58,7 @@ class CaseResponse:
     frequency: float | None = None
     refusals: tuple[str, ...] = ()
     assumed: str = ""
+    local: str = ""
     buckling_bound: float | None = None
     frequency_bound: float | None = None
     triangles: int = 0
@@ -171,39 +173,30 @@ def _point(x: Floats) -> tuple[float, float, float]:
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
-    supports = acting_on(task.preset, task.surface).support
-    marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
-    shares = marks / np.maximum(marks.sum(axis=0), 1)
+    shares = support_shares(acting_on(task.preset, task.surface).support, task.surface, structure.sheet)
     return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
-
-
-def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return a mask (n', 3) of the directions in which a support or its springs hold each vertex of the cut sheet."""
-    springs = sheet.vertices_between(surface, support.springs(surface) > 0)
-    return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 
 
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, request: ResultRequest
-) -> tuple[float | None, float | None, tuple[str, ...], str]:
+) -> tuple[float | None, float | None, tuple[str, ...], str, str]:
     sheet = task.preset.statics.sheet(structure.thickness).model_for(structure.sheet.surface)
-    factor, hertz, refusals = np.empty(0), np.empty(0), []
+    factor, local, hertz, refusals = None, "", None, []
     if not request.modes:
-        return None, None, (), ""
+        return None, None, (), "", ""
     standing = mode_supports(sheet.surface, load)
     try:
         if request.buckling:
-            factor = buckling(sheet, standing.load, answer, 1).factor
+            factor, local = lowest_buckling(sheet, standing.load, answer)
     except StaticsError as error:
         refusals.append(f"no buckling factor: {error}")
     try:
         if request.frequencies:
             turning = replace(sheet, clamped=all_clamped(standing.load))
-            hertz = frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz
+            hertz = float(frequencies(turning, standing.load.fixed, 1, spring=load.spring).hertz[0])
     except StaticsError as error:
         refusals.append(f"no natural frequency: {error}")
-    lowest = [float(values[0]) if len(values) else None for values in (factor, hertz)]
-    return lowest[0], lowest[1], tuple(refusals), standing.told
+    return factor, hertz, tuple(refusals), standing.told, local
 
 
 def full(
@@ -274,4 +267,5 @@ def _with_modes(case: CaseResponse, name: str, modes: ModeIntervals) -> CaseResp
         frequency_bound=hertz.finite_bound if hertz else None,
         refusals=(*case.refusals, *modes.refusals),
         assumed=modes.assumed,
+        local=modes.local.get(name, ""),
     )

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 import tomllib
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import tomli_w
 from dsfab import run
 from dsfab.app.editor.workspace import open_preset
 from dsfab.core.errors import DsfabError, PresetError
-from dsfab.core.materials import KEYS, MATERIALS
+from dsfab.core.materials import KEYS, MATERIALS, STOCK
 from dsfab.core.toml_files import PRESETS, preset_headline, shipped_presets
 from dsfab.design.output.archive import sections
 from dsfab.preset.file import load_preset, parse_override, preset_from, preset_toml, require_mesh, with_overrides
@@ -35,7 +36,7 @@ def test_shipped_presets_are_valid_described_and_named_after_their_file(name):
     assert preset_headline(shipped_presets()[name]) == preset.description.split("\n")[0]
     text = shipped_presets()[name].read_text(encoding="utf-8")
     sections = [line.strip("[]").split(".")[0] for line in text.splitlines() if line.startswith("[")]
-    order = [(*STAGES, "workshop", "eurocode").index(section) for section in sections]
+    order = [(*STAGES, "sizing", "workshop", "eurocode").index(section) for section in sections]
     assert order == sorted(order), "sections stand in the order of the stages, the workshop and the checks last"
 
 
@@ -48,7 +49,7 @@ def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
     assert again == preset
     assert again.first_difference(preset) is None
     written = tomllib.loads(file.read_text())
-    assert set(written) == {"name", "description", "fabrication", "workshop", "eurocode", *STAGES}, (
+    assert set(written) == {"name", "description", "fabrication", "sizing", "workshop", "eurocode", *STAGES}, (
         "defaults are written out"
     )
 
@@ -152,7 +153,7 @@ def test_a_relative_mesh_path_starts_at_the_folder_of_the_preset(tmp_path):
         ),
         ({"surface.span": -1}, r"surface\.span = -1: should be greater than 0"),
         ({"statics.law": "plane_stres"}, r"statics\.law = 'plane_stres': should be .*; did you mean plane_stress\?"),
-        ({"statics.thickness": "thick"}, r"statics\.thickness = 'thick': should be a valid number"),
+        ({"statics.thickness": "thick"}, r"statics\.thickness: 'thick' is neither a number of metres nor auto"),
         (
             {"statics.material": "GL24"},
             r"statics\.material: 'GL24' is not known; did you mean GL24h\?; use one of S235, .*, PLA, or leave it out",
@@ -308,6 +309,26 @@ def test_design_strengths_are_characteristic_ones_over_partial_factors():
     assert DESIGN.keys() == MATERIALS.keys()
     for name, megapascals in DESIGN.items():
         assert MATERIALS[name].strength == pytest.approx(megapascals * 1e6, rel=0.01)
+
+
+def test_every_material_has_a_stock_of_thicknesses_with_its_source():
+    assert set(STOCK) == set(MATERIALS)
+    for stock in STOCK.values():
+        assert list(stock.millimetres) == sorted(set(stock.millimetres))
+        assert stock.source
+        assert max(b / a for a, b in pairwise(stock.millimetres)) <= 1.7, "a larger step would waste material"
+        assert stock.metres[0] == stock.millimetres[0] / 1000
+
+
+def test_a_thickness_may_be_left_to_sizing(tmp_path):
+    preset = load_preset("dome", {"statics.thickness": "auto", "sizing.thicknesses": [0.04, 0.06]})
+    assert not preset.statics.is_sized
+    (tmp_path / "auto.toml").write_text(preset_toml(preset), encoding="utf-8")
+    assert 'thickness = "auto"' in preset_toml(preset)
+    assert load_preset(tmp_path / "auto.toml") == preset
+    assert with_overrides(preset, {"statics.thickness": 0.05}).statics.is_sized
+    with pytest.raises(PresetError, match=r"preset dome: statics\.thickness = 'auto' has no number yet; give metres"):
+        run(preset)
 
 
 def test_own_values_override_a_material_and_a_new_material_resets_them():

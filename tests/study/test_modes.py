@@ -11,10 +11,21 @@ import dsfab
 from dsfab.core.messages import value_with_bound
 from dsfab.report.design.statics import mode_facts, mode_lines
 from dsfab.slicing import cut
-from dsfab.statics import Material, ResultRequest, SheetMaterial, SpreadLoad, mode_supports
+from dsfab.statics import (
+    Material,
+    ResultRequest,
+    SheetMaterial,
+    SheetModel,
+    SpreadLoad,
+    buckling,
+    mode_supports,
+    needle_message,
+    solve_for,
+)
 from dsfab.statics.modes import HELD_ACROSS, UPRIGHT
 from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.calculix import lowest_buckling, solid_model
 from dsfab.study.check_model import uncut_model
 from dsfab.study.judges import full, quick
 from dsfab.study.verdict import LoadedSurface, mode_intervals, whole_sheet
@@ -22,7 +33,9 @@ from dsfab.study.verdict.estimates import LEAST_BOUND, mode_estimate
 from dsfab.study.verdict.modes import MODE_ELEMENTS, mode_level
 from dsfab.surface import LoadCase, Surface
 from dsfab.verification import TESTS
-from tests.shapes import grid
+from tests.calculix import needs_ccx
+from tests.shapes import grid, lifted
+from tests.statics.supports import hold
 
 BOTH = ResultRequest(frequencies=1, buckling=1)
 
@@ -148,6 +161,28 @@ def test_a_ladder_that_is_cut_out_of_a_wall_is_a_column_of_its_chords():
     assert factor.bound < 0.05
     assert found.hertz is None
     assert found.assumed == HELD_ACROSS
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_cut_shell_with_needles_buckles_where_a_solid_does():
+    """A shallow shell of ribs 70 mm wide; the solid has quadratic wedges. A needle alone buckled at a factor of 0.5."""
+    whole = lifted(lambda x, y: 1.6 * x * (1 - x) * y * (1 - y), cells=9)
+    x, y = whole.V[:, 0], whole.V[:, 1]
+    ribs = np.sort(np.concatenate([np.arange(-1, 2.01, 0.25) - 0.05, np.arange(-1, 2.01, 0.25) + 0.05]))
+    s = cut(whole, [x + y, x - y], [ribs, ribs], snap=0.0).subset().surface
+    assert needle_message(s)
+    x, y = s.V[:, 0], s.V[:, 1]
+    rim = np.isclose(x * (1 - x) * y * (1 - y), 0)
+    weight = s.vertex_areas[:, None] * np.array([0.0, 0.0, -1e3])
+    load = LoadCase(hold(s, (rim, "xyz")), weight, np.zeros(s.n, dtype=bool))
+    timber, thickness = Material(11e9, 0.3), 0.02
+    sheet = SheetModel(s, timber, thickness)
+    answer = solve_for(sheet, {"snow": load}, "displacement")["snow"]
+    normal = np.stack([-1.6 * (1 - 2 * x) * y * (1 - y), -1.6 * x * (1 - x) * (1 - 2 * y), np.ones(s.n)], axis=1)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    solid, _ = lowest_buckling(solid_model(s, normal, thickness, timber, load), 60.0)
+    assert buckling(sheet, load, answer, 1).factor[0] == pytest.approx(solid, rel=0.1)
 
 
 def test_sheets_that_are_held_out_of_plane_keep_their_supports():

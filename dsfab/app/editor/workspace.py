@@ -17,6 +17,7 @@ from dsfab.export import atomic_folder
 from dsfab.preset.file import load_preset, preset_from, preset_toml, with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal import Decision, preset_name, propose
+from dsfab.study.sizing import guessed_preset
 from dsfab.study.variations import spelled_value
 
 _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
@@ -151,7 +152,7 @@ class OpenedPreset:
                 )
             surface["file"], mesh = str(open_mesh), self.mesh
         values.setdefault("name", "preset")
-        preset = preset_from(values)
+        preset = guessed_preset(preset_from(values))
         if unknown_drawings := _drawing_files(preset) - _drawing_files(self.preset):
             raise PresetError(
                 f"the preset needs the drawing {_file_names(unknown_drawings)}; open it with dsfab edit FILE.toml"
@@ -178,7 +179,7 @@ def open_preset(target: str, source: Source = UNCHANGED) -> OpenedPreset:
     source : changes of the command line.
     Raises DsfabError for another target, and for a preset without its mesh."""
     proposal = source.proposal(target)
-    preset = source.read_preset(target, proposal)
+    preset = source.read_preset(target, proposal, "guessed")
     return OpenedPreset(preset, tuple(source.command_words(target)), "", proposal.decisions if proposal else ())
 
 
@@ -204,7 +205,7 @@ def opened_mesh(request: MeshRequest) -> OpenedPreset:
         proposal = propose(request.path, request.unit)
     except DsfabError as error:
         raise SurfaceError(str(error).replace(str(request.path), request.name)) from None
-    preset = proposal.preset.model_copy(update={"name": preset_name(request.name)})
+    preset = guessed_preset(proposal.preset).model_copy(update={"name": preset_name(request.name)})
     return OpenedPreset(preset, (), request.name, proposal.decisions)
 
 

@@ -69,13 +69,14 @@ class Proposal:
 
 
 def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
-    """Return a preset for the user's own surface; `dsfab new` writes the same preset.
+    """Return a preset for the user's own surface: that of `dsfab new`, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
     Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material."""
-    return propose(mesh, unit, up, material).preset
+    proposal = propose(mesh, unit, up, material)
+    return proposal.preset.with_thickness(proposal.size.thickness)
 
 
 def propose(
@@ -130,7 +131,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield Decision("carries", _load_words(surface, proposal.snow), "surface.load")
     figure = is_figure(surface)
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
-    material = f"{size.material}, {length(size.thickness)} thick{over}"
+    material = f"{size.material}, of a thickness that sizing chooses; first guess {length(size.thickness)}{over}"
     yield Decision("made of", material, "statics.material, statics.thickness")
     across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"

@@ -87,8 +87,8 @@ class Sizes:
 
     @property
     def fillet(self) -> float:
-        """Radius of the corners of openings; more than half the thickness, because chords replace the arcs."""
-        return two_digits(max(0.06 * self.spacing, 0.55 * self.thickness))
+        """Radius of the corners of openings; a thick sheet gets a larger one, see `Preset.with_thickness`."""
+        return two_digits(0.06 * self.spacing)
 
 
 def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:

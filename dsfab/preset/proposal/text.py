@@ -86,9 +86,9 @@ def proposal_text(
         [
             "[slicing]",
             _entry("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
-            _entry("min_member", size.thickness, "m; narrower members are widened"),
         ],
         *_thickening(surface),
+        ["[sizing]", _entry("first", size.thickness, "m; first guess of the thickness")],
         [
             "[export]",
             _entry("step", "quick", "STEP only if it takes little time; auto tries more ways, for minutes"),
@@ -151,7 +151,7 @@ def _loads(surface: Surface, snow: bool) -> Iterator[list[str]]:
 def _statics(size: Sizes) -> Iterator[str]:
     yield "[statics]"
     yield _entry("material", size.material, "`dsfab materials` lists all materials")
-    yield _entry("thickness", size.thickness, "m")
+    yield _entry("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
 
 
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:

@@ -319,7 +319,8 @@ class Findings:
             return None
         low, high = (factor * (1 + side * (bound or 0.0)) for side in (-1, 1))
         status: Status = "fail" if high < 1 else "pass" if low >= SAFE_BUCKLING_FACTOR else "unknown"
-        suffix = self._case_suffix("buckling") + self._assumption_suffix()
+        local = f"; {case.local}" if case.local else ""
+        suffix = self._case_suffix("buckling") + local + self._assumption_suffix()
         words = f"{value_with_bound(factor, bound)} times the load (linear, perfect shape){suffix}"
         return CheckLine("Buckling", status, words, f"{SAFE_BUCKLING_FACTOR:g} or more")
 

@@ -18,6 +18,7 @@ from dsfab.core.toml_files import read_toml
 from dsfab.core.units import METRES_PER
 from dsfab.preset.file import load_preset, require_mesh
 from dsfab.preset.model import Preset
+from dsfab.study.sizing import sized_preset
 from dsfab.study.sweeps.metrics import METRICS
 
 DIGITS = 6  # significant digits of the values in a range
@@ -365,7 +366,7 @@ def base_preset(plan: Plan) -> Preset:
     preset = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(preset)
-    return preset
+    return sized_preset(preset)
 
 
 def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:

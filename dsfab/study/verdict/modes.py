@@ -1,7 +1,7 @@
 """Buckling factors and frequencies with a bound, extrapolated from a cut sheet's mesh and finer meshes."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import islice
 
 from dsfab.core.errors import DsfabError
@@ -14,11 +14,11 @@ from dsfab.statics import (
     ResultRequest,
     SheetMaterial,
     SpreadLoad,
-    buckling,
     elements_of,
     equilibria,
     flat_axis,
     frequencies,
+    lowest_buckling,
     mode_supports,
     sheet_stiffness,
 )
@@ -36,11 +36,13 @@ class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
     buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
     hertz    : lowest frequency, None if not requested.
+    local    : by case, a clause if the lowest buckling mode is local, see `lowest_buckling`.
     """
 
     triangles: int
     buckling: Mapping[str, float | None]
     hertz: float | None
+    local: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -58,6 +60,11 @@ class ModeIntervals:
     levels: tuple[ModeLevel, ...]
     assumed: str = ""
     refusals: tuple[str, ...] = ()
+
+    @property
+    def local(self) -> Mapping[str, str]:
+        """Clauses of the finest mesh about lowest buckling modes that are local, by case."""
+        return self.levels[-1].local if self.levels else {}
 
 
 def mode_intervals(
@@ -110,6 +117,7 @@ def mode_level(
     K = sheet_stiffness(sheet, MODE_ELEMENTS)
     supports = standing.load
     factors: dict[str, float | None] = {}
+    local: dict[str, str] = {}
     if request.buckling:
         plane = MODE_ELEMENTS.in_plane if _is_plane(surface, cases) else MODE_ELEMENTS
         stiffness = sheet_stiffness(sheet, plane) if plane != MODE_ELEMENTS else K
@@ -117,13 +125,13 @@ def mode_level(
         answers = equilibria(surface, stiffness, list(cases.values()), plane, spread_loads, factor_of=factor_cache)
         for (name, load), answer in zip(cases.items(), answers, strict=True):
             supported_load = replace(load, fixed=supports.fixed, clamped=supports.clamped)
-            lowest_factors = buckling(sheet, supported_load, answer, 1, MODE_ELEMENTS, K, factor_cache).factor
-            factors[name] = float(lowest_factors[0]) if len(lowest_factors) else None
+            factors[name], clause = lowest_buckling(sheet, supported_load, answer, MODE_ELEMENTS, K, factor_cache)
+            local |= {name: clause} if clause else {}
     hertz = None
     if request.frequencies:
         still = replace(sheet, clamped=all_clamped(supports))
         hertz = float(frequencies(still, supports.fixed, 1, MODE_ELEMENTS, K, factor_cache, supports.spring).hertz[0])
-    return ModeLevel(surface.m, factors, hertz)
+    return ModeLevel(surface.m, factors, hertz, local)
 
 
 def _is_plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:

@@ -1,0 +1,50 @@
+"""The command `dsfab size`: the thinnest sheet of the stock that carries."""
+
+import shlex
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
+
+
+def size(
+    preset: str,
+    /,
+    *,
+    source: Source = UNCHANGED,
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file for the new preset.")] = None,
+    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
+    quiet: Quiet = False,
+) -> int:
+    """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
+
+    It cuts the design and solves the cut sheet at four thicknesses, which give the figures of all others. The result is
+    cut and solved once more with its own thickness. If no thickness suffices, the pattern gets more material, then
+    closer members. Exit code 5 means that nothing suffices.
+
+    Parameters
+    ----------
+    preset
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file."""
+    from dsfab.app.new import require_new_preset_file
+    from dsfab.export import atomic_file
+    from dsfab.preset.file import preset_toml
+    from dsfab.study import sized, sizing_result
+
+    if output:
+        require_new_preset_file(output, force)
+    with Reporter(quiet) as reporter:
+        design = sized(source.read_preset(preset, thickness="open"), reporter)
+    result = sizing_result(design)
+    assert result is not None  # `sized` gives every design a result
+    if not quiet:
+        print_lines(result.lines(every=True))
+        print_result(f"statics.thickness = {design.preset.statics.thickness:g}")
+    if output:
+        with atomic_file(output) as path:
+            path.write_text(preset_toml(design.preset), encoding="utf-8")
+        print_result(f"written to {output}; build it: dsfab build {shlex.quote(str(output))}")
+    return ExitCode.DONE if result.fits else ExitCode.DOES_NOT_CARRY

@@ -1,0 +1,216 @@
+"""Sizing: the thinnest sheet of the stock with which the cut structure meets the targets of [sizing]."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.errors import PatternError, StaticsError
+from dsfab.core.materials import STOCK
+from dsfab.core.messages import length, mass, table
+from dsfab.design import Design, Log, Progress, run, silent, surface_step
+from dsfab.preset.file import with_overrides
+from dsfab.preset.model import Preset
+from dsfab.preset.proposal.sizes import sizes, two_digits
+from dsfab.statics.thickness_basis import ThicknessBasis
+from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_carrying, cut_loads
+from dsfab.study.fabrication import spacing_changes
+
+REACH = 4.0
+"""Largest ratio of a tried thickness to the first guess, up and down; solves at four thicknesses then suffice."""
+SOLVES = 4
+SERIES = 1.15
+"""Ratio of successive thicknesses for a material without a stock."""
+MORE, MOST = 1.3, 0.75
+"""Factor on the share of material, or on the width of members, if no thickness suffices; and the largest share."""
+CLOSER = 0.75
+"""Factor on the spacing of members if more material does not suffice either."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
+    share    : of the surface that is material.        movement : over the span.        buckling : inf without one.
+    excess   : by target, the figure over its limit, or the limit over the figure; at most 1 meets the target.
+    is_final : true if the design was cut with this thickness, not judged on the cut of another one."""
+
+    thickness: float
+    share: float
+    utilisation: float
+    movement: float
+    buckling: float
+    mass: float
+    excess: dict[str, float]
+    is_final: bool = False
+
+    @property
+    def worst(self) -> float:
+        """The largest excess."""
+        return max(self.excess.values())
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """The trial as texts, for a table."""
+        missed = ", ".join(name for name, value in self.excess.items() if value > 1)
+        moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
+        buckling = f"{self.buckling:.3g}" if np.isfinite(self.buckling) else "-"
+        remark = f"misses {missed}" if missed else "meets all"
+        final = ", cut with it" if self.is_final else ""
+        figures = (f"{self.share:.0%}", f"{self.utilisation:.0%}", moved, buckling, mass(self.mass))
+        return (length(self.thickness), *figures, remark + final)
+
+
+@dataclass(frozen=True)
+class SizingResult:
+    """All trials, in their order; the last is the design's. stock : origin of the list of thicknesses, in words.
+    changes : of the pattern, by dotted keys, because no thickness suffices without them."""
+
+    trials: tuple[Trial, ...]
+    stock: str
+    changes: dict[str, Any]
+
+    @property
+    def fits(self) -> bool:
+        """Whether the design meets all targets."""
+        return self.trials[-1].worst <= 1
+
+    def lines(self, every: bool = False) -> Iterator[str]:
+        """Yield a table of the trials: of the thicknesses next to the chosen one, or of `every` thickness."""
+        last = self.trials[-1]
+        near = sorted({trial.thickness for trial in self.trials}, key=lambda t: abs(np.log(t / last.thickness)))[:4]
+        rows = [trial.row for trial in self.trials if every or trial.is_final or trial.thickness in near]
+        yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
+        yield f"thicknesses: {self.stock}"
+        if self.changes:
+            values = ", ".join(f"{key} = {value:g}" for key, value in self.changes.items())
+            yield f"no thickness suffices with the pattern of the preset; changed: {values}"
+        if not self.fits:
+            yield (
+                f"no thickness meets the targets; {length(last.thickness)} comes nearest: add supports, give the "
+                "surface more rise, or lower the targets in [sizing]"
+            )
+
+    def facts(self) -> dict[str, Any]:
+        """Return the key `sizing` of `design.json`, in SI units; a factor of buckling is None without one."""
+        rows = [asdict(trial) | {"buckling": trial.buckling if trial.row[4] != "-" else None} for trial in self.trials]
+        return {"fits": self.fits, "stock": self.stock, "changes": self.changes, "trials": rows}
+
+
+def sizing_result(design: Design) -> SizingResult | None:
+    """Return the trials behind the thickness of a design; None if its preset had a thickness."""
+    return design.cached_result("slicing", "sizing", lambda: None)
+
+
+def run_sized(preset: Preset, progress: Progress = silent) -> Design:
+    """Run all stages of a preset; sizing chooses the thickness if the preset leaves it open."""
+    return run(preset, progress) if preset.statics.is_sized else sized(preset, progress).until("thickening")
+
+
+def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
+    """Return the preset with the thickness that `sized` chooses, if the preset leaves it open."""
+    return preset if preset.statics.is_sized else sized(preset, progress).preset
+
+
+def guessed_preset(preset: Preset) -> Preset:
+    """Return the preset with a first guess of the thickness, if it leaves it open; for quick drawings."""
+    if preset.statics.is_sized:
+        return preset
+    first = preset.sizing.first
+    if not first:
+        surface = surface_step(preset.with_thickness(1.0), Log(None))
+        first = sizes(surface, preset.statics.material).thickness
+    return preset.with_thickness(min(_stock(preset, first)[0], key=lambda t: abs(np.log(t / first))))
+
+
+def sized(preset: Preset, progress: Progress = silent) -> Design:
+    """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
+
+    The cut sheet of a first guess is solved at four thicknesses; these give the figures of the whole stock. The design
+    is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
+    is taken. If no thickness suffices, the pattern gets more material, then also closer members. If still none does,
+    the best of the trials is returned. `sizing_result` has the trials.
+    Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
+    preset.statics.require_strength()
+    first = guessed_preset(preset)
+    stock, source = _stock(preset, first.statics.thickness)
+    design, trials, best = Design.from_preset(first, None, progress), list[Trial](), (float("inf"), first)
+    changes = _changes(design)
+    for change in changes:
+        drawn = with_overrides(preset, change)
+        design = Design.from_preset(drawn.with_thickness(first.statics.thickness), design, progress)
+        try:
+            rows = list(_trials(design, stock, progress))
+        except (PatternError, StaticsError):
+            if change == changes[-1] and not trials:
+                raise
+            continue
+        trials.extend(rows)
+        for trial in [row for row in rows if row.worst <= 1][:2]:
+            design = Design.from_preset(drawn.with_thickness(trial.thickness), design, progress)
+            trials.append(_trial(design, carrying(design), is_final=True))
+            if trials[-1].worst <= 1:
+                return _with_result(design, SizingResult(tuple(trials), source, change))
+        nearest = min(rows, key=lambda row: row.worst)
+        best = min(best, (nearest.worst, drawn.with_thickness(nearest.thickness)), key=lambda pair: pair[0])
+    design = Design.from_preset(best[1], design, progress)
+    trials.append(_trial(design, carrying(design), is_final=True))
+    return _with_result(design, SizingResult(tuple(trials), source, {}))
+
+
+def _with_result(design: Design, result: SizingResult) -> Design:
+    design.cached_result("slicing", "sizing", lambda: result)
+    return design
+
+
+def _stock(preset: Preset, first: float) -> tuple[Sequence[float], str]:
+    """Return the thicknesses to try (m), ascending, and their origin in words. first : first guess, metres."""
+    if preset.sizing.thicknesses:
+        return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
+    stock = STOCK.get(preset.statics.material or "")
+    if stock is None:
+        steps = int(np.log(REACH) / np.log(SERIES))
+        series = [two_digits(first * SERIES**k) for k in range(-steps, steps + 1)]
+        return series, "steps of 15 %, because statics.material names no material with a stock"
+    near = [t for t in stock.metres if 1 / REACH <= t / first <= REACH]
+    return near or [min(stock.metres, key=lambda t: abs(t - first))], f"{preset.statics.material}, {stock.source}"
+
+
+def _changes(design: Design) -> list[dict[str, Any]]:
+    """Return changes of the pattern to try one after the other: none, more material, and also closer members."""
+    width, more = design.preset.pattern.width, dict[str, Any]()
+    if width.solid_fraction:
+        more["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
+    elif width.member:
+        more["pattern.width.member"] = two_digits(MORE * width.member)
+    return [{}, *([more] if more else []), more | spacing_changes(design, CLOSER)]
+
+
+def _trials(design: Design, stock: Sequence[float], progress: Progress) -> Iterator[Trial]:
+    """Yield a trial of each thickness on the cut sheet of a design.
+    Raises StaticsError if the cut sheet does not stand."""
+    thickness = design.preset.statics.thickness
+    loads = cut_loads(design, thickness)
+    solved = sorted({min(stock, key=lambda t: abs(np.log(t / x))) for x in np.geomspace(stock[0], stock[-1], SOLVES)})
+    progress("sizing", f"solving the cut sheet at {len(solved)} of {len(stock)} thicknesses")
+    model = design.preset.statics.sheet().model_for(design.sheet.surface)
+    judged = design.preset.judged_in("ULS", loads)
+    basis = ThicknessBasis.from_sheet(model, loads, solved, judged)
+    for t in stock:
+        outcome = cut_carrying(CutStatics(design, t, basis.loads_at(t), basis.answers(t)), buckles=False)
+        factors = basis.buckling_factors(t)
+        yield _trial(design, replace(outcome, buckling=min(factors[name] for name in judged)))
+
+
+def _trial(design: Design, outcome: Carrying, is_final: bool = False) -> Trial:
+    targets = design.preset.sizing
+    use = outcome.use.value if outcome.use else float("inf")
+    movement = outcome.movement.share if outcome.movement else float("inf")
+    factor = float("inf") if outcome.buckling is None else outcome.buckling
+    excess = {
+        "utilisation": use / targets.utilisation,
+        "movement": movement * targets.movement,
+        "buckling": targets.buckling / factor,
+    }
+    share = design.sheet.surface.area / design.surface.area
+    return Trial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, is_final)

@@ -1,0 +1,76 @@
+"""Answers at every thickness from solves at four: compared with a full solve at each thickness."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from dsfab.core.units import GRAVITY
+from dsfab.statics import SheetModel, buckling, mode_supports, sheet_stress, solve_for
+from dsfab.statics.thickness_basis import ThicknessBasis
+from dsfab.surface import Box, Force, LoadCase, SelfWeight, Side, Snow, Support, Surface
+from tests.shapes import grid, lifted, subsurface
+from tests.statics.supports import STEEL
+
+SAMPLES = np.geomspace(0.01, 0.16, 4)
+BETWEEN = np.sqrt(SAMPLES[1:] * SAMPLES[:-1])
+"""Thicknesses that are farthest from the solved ones."""
+WITHIN = 0.006
+"""Accepted relative error, as of the displacements of a cut canopy."""
+
+
+def with_openings(surface: Surface) -> Surface:
+    """A sheet with square openings, side by side in both directions."""
+    x, y = (np.floor(surface.centroids[:, k] * 5).astype(int) for k in (0, 1))
+    return subsurface(surface, ~((x % 2 == 1) & (y % 2 == 1)))
+
+
+def loaded(surface: Surface, supports: list[Support], *lists: list) -> tuple[SheetModel, dict[str, LoadCase]]:
+    """A steel sheet with one load case for each list of loads."""
+    sheet = SheetModel(surface, STEEL, 0.03)
+    weight = STEEL.density * sheet.thickness * GRAVITY
+    return sheet, {str(k): LoadCase.build(surface, supports, loads, weight) for k, loads in enumerate(lists)}
+
+
+def vault() -> tuple[SheetModel, dict[str, LoadCase]]:
+    """A cut vault, built in at one side and on springs at the other, under its weight, under snow, and under both."""
+    surface = with_openings(lifted(lambda x, y: 0.25 * x * (3.0 - x), cells=15, length=3.0))
+    supports = [Support(Side("x", "min"), clamp=True), Support(Side("x", "max"), hold="yz", spring=(3e7, 0.0, 0.0))]
+    weight, snow = SelfWeight(), Snow(8e4)
+    return loaded(
+        surface, supports, [weight], [weight, snow], [Snow(2e5), Force(Box((1, 1, -9), (2, 2, 9)), (4e5, 0, 0))]
+    )
+
+
+def plate() -> tuple[SheetModel, dict[str, LoadCase]]:
+    """A cut plate that bends under its weight and a force."""
+    surface = with_openings(grid(15, 15, 3.0, 3.0))
+    force = Force(Side("x", "max"), (0.0, 0.0, -5e3))
+    return loaded(surface, [Support(Side("x", "min"), clamp=True)], [SelfWeight()], [SelfWeight(), force])
+
+
+def wall() -> tuple[SheetModel, dict[str, LoadCase]]:
+    """A cut plate that is pressed in its plane, from its free side towards its built-in side."""
+    surface = with_openings(grid(15, 15, 3.0, 3.0))
+    loads = [SelfWeight((-1.0, 0.0, 0.0)), Force(Side("x", "max"), (-5e5, 0.0, 0.0))]
+    return loaded(surface, [Support(Side("x", "min"), clamp=True)], loads)
+
+
+@pytest.mark.parametrize("structure", [vault, plate, wall], ids=lambda structure: structure.__name__)
+def test_four_solves_give_the_answers_and_the_buckling_factors_at_every_thickness(structure):
+    sheet, loads = structure()
+    basis = ThicknessBasis.from_sheet(sheet, loads, SAMPLES, [*loads])
+    for thickness in (*BETWEEN, SAMPLES[2]):
+        thick, loads_there = replace(sheet, thickness=thickness), basis.loads_at(thickness)
+        answers, factors = basis.answers(thickness), basis.buckling_factors(thickness)
+        for name, full in solve_for(thick, loads_there, "displacement").items():
+            answer, load = answers[name], loads_there[name]
+            error = 1e-5 if thickness in SAMPLES else WITHIN
+            assert_allclose(answer.largest_displacement, full.largest_displacement, rtol=error)
+            assert_allclose(answer.compliance, full.compliance, rtol=WITHIN)
+            assert_allclose(answer.reaction.sum(axis=0), full.reaction.sum(axis=0), atol=WITHIN * abs(load.force).sum())
+            stresses = [sheet_stress(thick, state.elements, state).largest.max() for state in (answer, full)]
+            assert_allclose(stresses[0], stresses[1], rtol=WITHIN)
+            lowest = buckling(thick, mode_supports(sheet.surface, load).load, full, 1).factor
+            assert_allclose(factors[name], lowest[0] if len(lowest) else np.inf, rtol=WITHIN)
