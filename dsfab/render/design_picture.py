@@ -9,18 +9,18 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass
 from dsfab.design.design import Design
 from dsfab.export import PreparedProgram, ProgramError, temporary_folder
 from dsfab.render import picture_program
+from dsfab.render.client_picture import CLIENT_LOOK, ClientPicture
 from dsfab.render.drawing import Annotations, GroundKind, check_ground
 from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
 from dsfab.render.opengl import require_rendering
-from dsfab.render.picture import DEFAULT_LOOK, Look, StructurePicture, picture, png_bytes, write_png
+from dsfab.render.picture import Look, StructurePicture, picture, png_bytes, write_png
 from dsfab.render.previewer import DEFAULT_SIZE, Previewer, layer_names
 from dsfab.render.scene import Bytes
 from dsfab.render.view import named_side, up_axis
@@ -39,9 +39,16 @@ def caption(design: Design) -> str:
 SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
 
 
-def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
-    """Draw the finished structure into a PNG file. Raises DsfabError if this machine cannot draw."""
-    write_png(picture(**_picture_arguments(design, look)), path)
+def client_picture(design: Design, look: Look = CLIENT_LOOK) -> ClientPicture:
+    """Return the data of the picture for clients. Raises DsfabError for an impossible design."""
+    solid, half = design.solid, design.preset.statics.thickness / 2
+    return ClientPicture(solid.V, solid.F, half, design.surface, design.load, caption(design), look)
+
+
+def write_picture(design: Design, path: Path, look: Look = CLIENT_LOOK) -> None:
+    """Draw the picture for clients into a PNG file. Raises DsfabError if this machine cannot draw."""
+    require_rendering()
+    write_png(client_picture(design, look).render(), path)
 
 
 def structure_picture(
@@ -82,11 +89,6 @@ def structure_drawing(
     )
 
 
-def _picture_arguments(design: Design, look: Look) -> dict[str, Any]:
-    solid, words = design.solid, caption(design)
-    return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
-
-
 _STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", default=None)
 
 
@@ -106,7 +108,7 @@ def start_picture_program() -> Iterator[None]:
 
 
 @contextmanager
-def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
+def picture_in_background(design: Design, path: Path, look: Look = CLIENT_LOOK) -> Iterator[Callable[[], None]]:
     """Draw the picture of `write_picture` in a second process. The yielded function waits until the picture is written.
     With one core, or if the second process fails, that function draws the picture itself.
     Raises DsfabError if this machine cannot draw.
@@ -121,7 +123,7 @@ def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK)
     ):
         _STARTED_PROGRAM.set(None)  # a later picture needs a new program
         arguments_file = Path(folder) / "picture.pickle"
-        arguments_file.write_bytes(pickle.dumps(_picture_arguments(design, look), protocol=5))
+        arguments_file.write_bytes(pickle.dumps(client_picture(design, look), protocol=5))
         program.send(str(arguments_file), str(path))
 
         def finish() -> None:
@@ -140,7 +142,11 @@ def inline_picture(design: Design) -> bytes | None:
     """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
-            return png_bytes(picture(**_picture_arguments(design, Look(NOTEBOOK_SIZE))))
+            solid, words = design.solid, caption(design)
+            look = Look(NOTEBOOK_SIZE)
+            return png_bytes(
+                picture(solid.V, solid.F, surface=design.surface, load=design.load, caption=words, look=look)
+            )
         with Previewer(design) as previewer:
             return png_bytes(previewer.picture(NOTEBOOK_SIZE, quality=QUICK))
     except DsfabError as error:

@@ -2,8 +2,8 @@
 
     python -P picture_program.py
 
-The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The pickle holds the
-arguments of `dsfab.render.picture.picture` as a dictionary. The program prints the name of the PNG file.
+The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The pickle holds a
+`dsfab.render.client_picture.ClientPicture`. The program prints the name of the PNG file.
 """
 
 import json
@@ -17,10 +17,11 @@ def main() -> None:
     sys.path.append(str(Path(__file__).parents[2]))  # finds dsfab if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 
-    from dsfab.render.picture import render_picture, write_png
+    import dsfab.render.client_picture  # noqa: F401  (loads while there is no design yet)
+    from dsfab.render.picture import write_png
 
     arguments_file, path = json.loads(sys.stdin.readline())
-    pixels = render_picture(**pickle.loads(Path(arguments_file).read_bytes()))
+    pixels = pickle.loads(Path(arguments_file).read_bytes()).render()
     sys.stdout.write(f"{write_png(pixels, Path(path))}\n")
 
 
