@@ -43,7 +43,7 @@ ALLOWED: dict[str, set[str]] = {
     "members": GROUND | {"surface", "statics", "slicing", "results"},
     "design": GROUND | {"surface", "preset", "results", "members", "export"} | STAGES,
     "workshop": GROUND | {"surface", "slicing", "preset", "members", "export", "design"},
-    "study": GROUND | {"surface", "preset", "results", "design", "export"} | STAGES,
+    "study": GROUND | {"surface", "preset", "results", "members", "design", "export"} | STAGES,
     "render": GROUND | {"surface", "preset", "results", "members", "design", "export", "study"} | STAGES,
     "report": GROUND
     | {"surface", "preset", "results", "members", "design", "export", "study", "render", "workshop"}

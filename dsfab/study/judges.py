@@ -6,11 +6,10 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
 from dsfab.design import Progress, acting_on, sheet_loads
-from dsfab.slicing import Sheet
 from dsfab.statics import (
     Equilibrium,
     ResultRequest,
@@ -23,9 +22,10 @@ from dsfab.statics import (
 )
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.baselines import ComparisonTask, Structure
+from dsfab.study.carrying import support_shares
 from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, check, estimates, mode_intervals
 from dsfab.study.verdict.estimates import Extreme, quantile, stress_extremes
-from dsfab.surface import LoadCase, Support, Surface
+from dsfab.surface import LoadCase
 
 
 @dataclass(frozen=True)
@@ -171,16 +171,8 @@ def _point(x: Floats) -> tuple[float, float, float]:
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
-    supports = acting_on(task.preset, task.surface).support
-    marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
-    shares = marks / np.maximum(marks.sum(axis=0), 1)
+    shares = support_shares(acting_on(task.preset, task.surface).support, task.surface, structure.sheet)
     return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
-
-
-def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """Return a mask (n', 3) of the directions in which a support or its springs hold each vertex of the cut sheet."""
-    springs = sheet.vertices_between(surface, support.springs(surface) > 0)
-    return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs
 
 
 def _modes(

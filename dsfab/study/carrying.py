@@ -1,0 +1,397 @@
+"""Whether a cut structure carries its loads: its most used member, movement, factor of buckling, mass and reactions."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import DsfabError, StaticsError
+from dsfab.core.messages import length
+from dsfab.design import Design, acting_on, sheet_loads
+from dsfab.design.member_model import member_utilisation
+from dsfab.preset.model import Preset
+from dsfab.slicing import Sheet
+from dsfab.statics import (
+    Elements,
+    Equilibrium,
+    FactorCache,
+    ShearRecovery,
+    SheetModel,
+    SheetStress,
+    buckling,
+    elements_of,
+    equilibria,
+    flat_axis,
+    mode_supports,
+    needle_message,
+    section_forces,
+    sheet_stiffness,
+    sheet_stress,
+    stress,
+)
+from dsfab.study.verdict.estimates import quantile
+from dsfab.surface import LoadCase, Support, Surface, support_names
+
+if TYPE_CHECKING:
+    from dsfab.members.frame import MemberForces
+
+Place = tuple[float, float, float]
+
+USUAL_SPAN_SHARE = 300
+"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
+
+BUCKLED_CASES = 3
+"""Number of cases and combinations whose buckling is computed: those with the largest compression. Each costs as much
+as a solve, and a standard gives up to 40 combinations, most of which are a smaller share of another."""
+
+
+@dataclass(frozen=True)
+class MemberUse:
+    """The most used member. value : utilisation, 1 is the limit. place : metres. check : its name and clause."""
+
+    member: str
+    value: float
+    place: Place
+    case: str
+    check: str
+
+
+@dataclass(frozen=True)
+class Movement:
+    """The largest movement (m) with its place. span : metres. about : the span in words."""
+
+    value: float
+    place: Place
+    case: str
+    span: float
+    about: str
+
+    @property
+    def share(self) -> float:
+        """Movement over the span."""
+        return self.value / self.span if self.span > 0 else float("inf")
+
+
+@dataclass(frozen=True)
+class SupportForce:
+    """Force of a support on the structure in a case. vertical : newtons, positive if it pushes up. horizontal :
+    newtons. direction : degrees from the first horizontal axis (x) to the second (y), in which the support pushes."""
+
+    support: str
+    case: str
+    vertical: float
+    horizontal: float
+    direction: float
+
+
+Outcome = Literal["carries", "does not carry", "not judged"]
+
+
+@dataclass(frozen=True)
+class Carrying:
+    """Whether a cut structure carries its loads, with the figures behind it.
+    use      : None without a strength, and for a structure that does not stand.
+    movement : None for a structure that does not stand.
+    buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
+    buckling_case : its case; ''.
+    mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
+    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions."""
+
+    thickness: float
+    mass: float
+    use: MemberUse | None = None
+    movement: Movement | None = None
+    buckling: float | None = None
+    buckling_case: str = ""
+    reactions: tuple[SupportForce, ...] = ()
+    faults: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def outcome(self) -> Outcome:
+        """Whether the structure carries; not judged without a strength, unless it fails in another way."""
+        if self.faults:
+            return "does not carry"
+        return "carries" if self.use else "not judged"
+
+    def facts(self) -> dict[str, Any]:
+        """Return the key `carrying` of `design.json`, in SI units."""
+        use, movement = self.use, self.movement
+        return {
+            "outcome": self.outcome,
+            "of": "the cut sheet",
+            "faults": list(self.faults),
+            "remarks": list(self.remarks),
+            "thickness_m": self.thickness,
+            "mass_kg": self.mass,
+            "most_used": use and {**vars(use), "place": list(use.place)},
+            "movement": movement and {**vars(movement), "place": list(movement.place), "share_of_span": movement.share},
+            "buckling": None if self.buckling is None else {"factor": self.buckling, "case": self.buckling_case},
+            "reactions": [vars(row) for row in self.reactions],
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class CutStatics:
+    """The cut sheet of a design with a thickness (m), its loads and answers by case and combination.
+    answers : by any elements that reports use, for instance from a basis of other thicknesses.
+    stiffness, factor_of : K of the answers' elements without springs, and its factor, if the caller has them."""
+
+    design: Design
+    thickness: float
+    loads: Mapping[str, LoadCase]
+    answers: Mapping[str, Equilibrium]
+    stiffness: csr_array | None = None
+    factor_of: FactorCache = field(default_factory=FactorCache)
+
+    @property
+    def preset(self) -> Preset:
+        """The preset of the design with this thickness."""
+        preset = self.design.preset
+        statics = preset.statics.model_copy(update={"thickness": self.thickness})
+        return preset.model_copy(update={"statics": statics})
+
+    @property
+    def model(self) -> SheetModel:
+        """The cut sheet with its material and thickness."""
+        return self.design.preset.statics.sheet(self.thickness).model_for(self.design.sheet.surface)
+
+    def stress(self, name: str) -> SheetStress:
+        """Return the stress in a case or combination."""
+        return sheet_stress(self.model, self.answers[name].elements, self.answers[name])
+
+
+def carrying(design: Design) -> Carrying:
+    """Return whether the cut sheet of a design carries its loads; the design keeps the result.
+    The figures come from one solve on the unrefined mesh, with one factorisation for all cases. Raises the DsfabError
+    of a stage that fails; a structure that does not stand gives a result."""
+    return design.cached_result("slicing", "carrying", lambda: _carrying(design))
+
+
+def _carrying(design: Design) -> Carrying:
+    thickness = design.preset.statics.thickness
+    try:
+        return cut_carrying(cut_statics(design, thickness))
+    except StaticsError as error:
+        return Carrying(thickness, _mass(design, thickness), faults=(f"the cut sheet does not stand: {error}",))
+
+
+def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
+    """Return the loads on the cut sheet with a thickness (m), by case and combination.
+    Raises StaticsError if the sheet lost a load."""
+    share = thickness / design.preset.statics.thickness
+    loads = {name: case.load.of_thickness(design.surface, share) for name, case in design.statics.cases.items()}
+    return sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, loads)
+
+
+def cut_statics(design: Design, thickness: float) -> CutStatics:
+    """Return the answers of the cut sheet with a thickness (m), from one factorisation for all cases.
+    Raises StaticsError if the sheet does not stand, or if it lost a load."""
+    loads = cut_loads(design, thickness)
+    unsolved = CutStatics(design, thickness, loads, {})
+    elements = elements_of("displacement")
+    try:
+        return _solve(unsolved, elements)
+    except StaticsError:
+        if not needle_message(design.sheet.surface):
+            raise
+        return _solve(unsolved, elements_of("needles"))
+
+
+def _solve(statics: CutStatics, elements: Elements) -> CutStatics:
+    model, loads = statics.model, statics.loads
+    if flat_axis(model.surface, *loads.values()) is not None:
+        elements = elements.in_plane
+    K = sheet_stiffness(model, elements)
+    factors = _factors(statics.design)
+    single = [name for name in loads if name not in factors]
+    acting = [model.with_clamped_edges(loads[name]) for name in single]
+    sums = [[factors[name].get(case, 0.0) for case in single] for name in factors]
+    answers = equilibria(model.surface, K, acting, elements, None, sums, statics.factor_of)
+    return replace(statics, answers=dict(zip((*single, *factors), answers, strict=True)), stiffness=K)
+
+
+def _factors(design: Design) -> dict[str, Mapping[str, float]]:
+    return {name: case.factors for name, case in design.statics.cases.items() if case.factors is not None}
+
+
+def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
+    """Return whether a solved cut sheet carries its loads. buckles : False to skip buckling, which costs a solve.
+    The most used member is that of the Eurocode for the material; without one, or without a member between two nodes,
+    it is the von Mises stress over the strength that 99 % of the area does not exceed."""
+    use, remarks = _most_used(statics)
+    factor, case, aside = _buckling(statics) if buckles else (None, "", ())
+    moved = _movement(statics)
+    faults = []
+    if use and use.value > 1:
+        faults.append(f"{use.member} is used to {use.value:.0%} of its resistance ({use.check})")
+    if factor is not None and factor <= 1:
+        faults.append(f"it buckles at {factor:.2g} times its load")
+    rows = _reactions(statics)
+    mass = _mass(statics.design, statics.thickness)
+    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside))
+
+
+def _mass(design: Design, thickness: float) -> float:
+    return float(design.sheet.surface.area * thickness * design.preset.statics.density)
+
+
+def _most_used(statics: CutStatics) -> tuple[MemberUse | None, tuple[str, ...]]:
+    from dsfab.members.eurocode import STEEL, TIMBER
+
+    preset = statics.preset
+    if preset.statics.material in STEEL or preset.statics.material in TIMBER:
+        try:
+            return _most_used_by_code(statics), ()
+        except StaticsError as error:
+            use = _most_stressed(statics)
+            return use, (f"members are not checked by their standard: {error}",)
+    if not preset.statics.strength:
+        return None, ("the preset has no material and no strength; set statics.material to judge the structure",)
+    return _most_stressed(statics), ()
+
+
+def _most_used_by_code(statics: CutStatics) -> MemberUse:
+    graph = statics.design.members
+    use = member_utilisation(statics.preset, graph, _member_forces(statics))
+    bay = int(use.order[0])
+    check, case, station = use.governing(bay)
+    axis, s = graph.by_id[use.bays.member[bay]].axis, use.bays.s[bay, station]
+    assert axis is not None  # only a member with an axis has bays
+    place = axis.frames_at(np.array([s % axis.length if axis.closed else s]))[0][0]
+    return MemberUse(use.bays.member[bay], float(use.largest[bay]), _place(place), case, str(check))
+
+
+def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
+    """Return the forces of members: from section forces in each case, and as sums in each combination."""
+    from dsfab.members.frame import member_forces
+
+    factors, surface, recovery = _factors(statics.design), statics.model.surface, None
+    sections = {}
+    for name in (name for name in statics.answers if name not in factors):
+        result = statics.stress(name)
+        linear = statics.answers[name].elements.bending == "hhj"
+        recovery = recovery or ShearRecovery.for_surface(surface, linear=linear)
+        sections[name] = section_forces(surface, statics.thickness, result, recovery)
+    by_member = member_forces(statics.design.members, sections)
+    return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}
+
+
+def _with_sums(forces: Mapping[str, Floats], factors: Mapping[str, Mapping[str, float]]) -> dict[str, Floats]:
+    sums = {name: sum(f * forces[case] for case, f in parts.items()) for name, parts in factors.items()}
+    return {**forces, **{name: np.asarray(total) for name, total in sums.items()}}
+
+
+def _most_stressed(statics: CutStatics) -> MemberUse:
+    surface, strength = statics.model.surface, statics.preset.statics.strength
+    rows = []
+    for name in statics.preset.judged_in("ULS", statics.answers):
+        largest = statics.stress(name).largest
+        value = quantile(largest, surface.areas)
+        rows.append((value, int(np.abs(largest - value).argmin()), name))
+    value, face, case = max(rows)
+    member, place = _member_of(statics.design, face), _place(surface.centroids[face])
+    return MemberUse(member, value / strength, place, case, "von Mises stress over strength, on 99 % of the area")
+
+
+def _member_of(design: Design, face: int) -> str:
+    try:
+        graph = design.members
+        owner = int(graph.owner[np.flatnonzero(graph.source == face)[0]])
+    except (DsfabError, IndexError):
+        return "the sheet"
+    return graph.members[owner].id if owner >= 0 else "the sheet"
+
+
+def _place(point: Floats) -> Place:
+    x, y, z = (float(value) for value in point + 0.0)
+    return x, y, z
+
+
+def _movement(statics: CutStatics) -> Movement:
+    surface, answers = statics.model.surface, statics.answers
+    names = statics.preset.judged_in("SLS", answers)
+    case = max(names, key=lambda name: answers[name].largest_displacement)
+    vertex = int(np.linalg.norm(answers[case].u, axis=1).argmax())
+    span, about = judged_span(surface, statics.loads[case])
+    return Movement(answers[case].largest_displacement, _place(surface.V[vertex]), case, span, about)
+
+
+def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
+    """Return the span (m) that movements are compared with, and what it is in words.
+    It is twice the largest distance of a vertex from the supports, measured across the direction of the load: in plan
+    for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For a
+    column below its load it is the largest distance itself, if that is longer."""
+    net, V = load.force.sum(axis=0), surface.V
+    down = net / (np.linalg.norm(net) or 1.0)
+    across = V - (V @ down)[:, None] * down
+    half, straight = (float(cKDTree(x[load.supported]).query(x)[0].max()) for x in (across, V))
+    if 2 * half < straight:
+        return straight, "from a support to the farthest place"
+    return 2 * half, f"twice the {length(half)} from the supports to the farthest place"
+
+
+def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
+    """Return the lowest factor of buckling with its case, and remarks on supports and missing results."""
+    model, remarks, factors = statics.model, dict[str, None](), dict[str, float]()
+    for name in _most_compressed(statics):
+        answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
+        if standing.told:
+            remarks[f"buckling: {standing.told}"] = None
+        bends = answer.elements.bending is not None
+        elements = answer.elements if bends else elements_of("buckling")
+        K = statics.stiffness if bends else None
+        try:
+            lowest = buckling(model, standing.load, answer, 1, elements, K, statics.factor_of).factor
+        except StaticsError as error:
+            remarks[f"no factor of buckling: {error}"] = None
+            continue
+        if len(lowest):
+            factors[name] = float(lowest[0])
+    case = min(factors, key=lambda name: factors[name], default="")
+    return factors.get(case), case, tuple(remarks)
+
+
+def _most_compressed(statics: CutStatics) -> list[str]:
+    model = statics.model
+
+    def compression(name: str) -> float:
+        answer = statics.answers[name]
+        sigma = stress(model.surface, model.material, answer.u, model.law, answer.bubbles)
+        return float(-np.linalg.eigvalsh(sigma)[:, 0].clip(max=0) @ model.surface.areas)
+
+    names = statics.preset.judged_in("ULS", statics.answers)
+    return sorted(names, key=compression, reverse=True)[:BUCKLED_CASES] if len(names) > BUCKLED_CASES else names
+
+
+def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
+    preset, surface = statics.preset, statics.design.surface
+    supports = acting_on(preset, surface).support
+    shares = support_shares(supports, surface, statics.design.sheet)
+    # a sheet in the plane of x and y stands upright: y points up
+    up = 1 if flat_axis(statics.model.surface, *statics.loads.values()) == 2 else 2
+    along, across = (axis for axis in (0, 1, 2) if axis != up)
+    rows = []
+    for support, share in zip(support_names(supports), shares, strict=True):
+        for case, answer in statics.answers.items():
+            R = (answer.reaction * share).sum(axis=0)
+            direction = float(np.degrees(np.arctan2(R[across], R[along])))
+            rows.append(SupportForce(support, case, float(R[up]), float(np.hypot(R[along], R[across])), direction))
+    return tuple(rows)
+
+
+def support_shares(supports: Iterable[Support], surface: Surface, sheet: Sheet) -> Floats:
+    """Return the share (s, n', 3) of each support in the reaction at each vertex of a cut sheet; supports that hold
+    the same direction of a vertex share its reaction equally."""
+    marks = np.array([_held_directions(support, surface, sheet) for support in supports])
+    return np.asarray(marks / np.maximum(marks.sum(axis=0), 1))
+
+
+def _held_directions(support: Support, surface: Surface, sheet: Sheet) -> Bools:
+    """Return a mask (n', 3) of the directions in which a support or its springs hold each vertex of the cut sheet."""
+    springs = sheet.vertices_between(surface, support.springs(surface) > 0)
+    return sheet.vertices_between(surface, support.fixed_directions(surface), support.fixed_edges(surface)) | springs

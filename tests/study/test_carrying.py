@@ -1,0 +1,147 @@
+"""Whether a cut structure carries: closed forms of strips and columns, spans from supports, and reactions."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dsfab.design import Design, sheet_loads
+from dsfab.preset.file import load_preset
+from dsfab.preset.model import Preset
+from dsfab.results import SlicingResult
+from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span
+from dsfab.study.verdict import whole_sheet
+from dsfab.surface import All, Force, LoadCase, Side, Support, Vertices
+from tests.shapes import annulus, grid
+
+LENGTH, WIDTH, THICKNESS, YOUNG = 2.0, 0.2, 0.02, 210e9
+BUILT_IN = {"bending": "midedge"}  # elements whose edges can be built in
+INERTIA = WIDTH * THICKNESS**3 / 12
+
+
+def strip(per_metre, strength=235e6, edge=0.05):
+    """A strip without openings, built in at x = 0, under a line load (N/m) at its other end."""
+    side = {"pick": "side", "axis": "x"}
+    preset = Preset.model_validate(
+        {
+            "name": "strip",
+            "surface": {
+                "shape": "plate",
+                "length": LENGTH,
+                "width": WIDTH,
+                "edge": edge,
+                "support": [{"name": "wall", "at": {**side, "end": "min"}, "hold": "xyz", "clamp": True}],
+                "load": [{"kind": "line", "at": {**side, "end": "max"}, "per_metre": per_metre}],
+            },
+            "statics": {
+                "bending": "midedge",
+                "thickness": THICKNESS,
+                "young": YOUNG,
+                "poisson": 0.0,
+                "strength": strength,
+            },
+        }
+    )
+    return whole(Design.from_preset(preset))
+
+
+def whole(design):
+    sheet = whole_sheet(design.surface)
+    cut = SlicingResult(sheet, sheet, (), 0)
+    stages = {"surface": design.surface, "statics": design.statics, "slicing": cut, "sheet": sheet}
+    return Design.from_results(design.preset, **stages)
+
+
+def test_a_cantilever_has_the_movement_stress_and_reaction_of_a_beam():
+    judged = carrying(strip((0, 0, -1e3), edge=0.04))
+    load = 1e3 * WIDTH
+    assert judged.movement.value == pytest.approx(load * LENGTH**3 / (3 * YOUNG * INERTIA), rel=0.01)
+    assert judged.movement.span == pytest.approx(2 * LENGTH)
+    (reaction,) = judged.reactions
+    assert (reaction.support, reaction.vertical) == ("wall", pytest.approx(load))
+    assert reaction.horizontal < 1e-6 * load
+    # stress falls in proportion to the distance from the free end: 99 % of the area is below 99 % of the largest
+    bending = load * LENGTH / (WIDTH * THICKNESS**2 / 6)
+    assert judged.use.value == pytest.approx(0.99 * bending / 235e6, rel=0.02)
+    assert judged.use.place[0] < 0.1 * LENGTH
+    assert judged.buckling is None
+    assert judged.outcome == "carries"
+
+
+@pytest.mark.parametrize(("share", "outcome"), [(0.5, "carries"), (1.1, "does not carry")])
+def test_a_column_carries_up_to_the_load_of_euler(share, outcome):
+    critical = np.pi**2 * YOUNG * INERTIA / (4 * LENGTH**2)
+    judged = carrying(strip((-share * critical / WIDTH, 0, 0)))
+    assert judged.buckling == pytest.approx(1 / share, rel=0.01)
+    assert judged.outcome == outcome
+    assert bool(judged.faults) == (share > 1)
+    assert judged.movement.span == pytest.approx(LENGTH, rel=0.01)
+
+
+def test_a_sheet_over_its_strength_does_not_carry_and_names_what_fails():
+    judged = carrying(strip((0, 0, -1e4)))
+    assert judged.outcome == "does not carry"
+    assert "of its resistance" in judged.faults[0]
+    assert judged.facts()["outcome"] == "does not carry"
+
+
+def test_without_a_strength_nothing_is_judged():
+    judged = carrying(strip((0, 0, -1e3), strength=0.0))
+    assert judged.outcome == "not judged"
+    assert "statics.material" in judged.remarks[0]
+
+
+def test_another_thickness_needs_no_new_design():
+    design = strip((0, 0, -1e3))
+    thick = cut_carrying(cut_statics(design, 2 * THICKNESS), buckles=False)
+    assert thick.movement.value == pytest.approx(carrying(design).movement.value / 8, rel=1e-6)
+    assert thick.mass == pytest.approx(2 * carrying(design).mass)
+
+
+def test_a_sheet_without_enough_supports_is_told_as_one_that_does_not_stand():
+    design = strip((0, 0, -1e3))
+    case = design.statics.cases["load"]
+    corner = LoadCase.build(design.surface, [Support(Vertices((0,)), "xyz")], [Force(Side("x", "max"), (0, 0, -1.0))])
+    loose = {"load": replace(case, load=corner)}
+    stages = {"surface": design.surface, "slicing": design.slicing, "sheet": design.sheet}
+    lost = Design.from_results(design.preset, statics=replace(design.statics, cases=loose), **stages)
+    judged = carrying(lost)
+    assert judged.outcome == "does not carry"
+    assert "does not stand" in judged.faults[0]
+
+
+def held(surface, mask, force=(0, 0, -1.0)):
+    every = np.flatnonzero(mask)
+    return LoadCase.build(surface, [Support(Vertices(tuple(every.tolist())), "xyz")], [Force(All(), force)])
+
+
+def test_the_span_follows_from_the_supports():
+    plate = grid(8, 4, 8.0, 4.0)
+    x, y = plate.V[:, 0], plate.V[:, 1]
+    ends = held(plate, (x == 0) | (x == 8))
+    assert judged_span(plate, ends) == (pytest.approx(8.0), "twice the 4 m from the supports to the farthest place")
+    corners = held(plate, ((x == 0) | (x == 8)) & ((y == 0) | (y == 4)))
+    assert judged_span(plate, corners)[0] == pytest.approx(np.hypot(8, 4))
+    assert judged_span(plate, held(plate, x == 0))[0] == pytest.approx(16.0)
+    wall = judged_span(plate, held(plate, x == 0, (0, 1.0, 0)))  # the load lies in the plate: its height counts double
+    assert wall[0] == pytest.approx(16.0)
+    ring = annulus(24, 4, 1.0, 3.0)
+    r = np.linalg.norm(ring.V, axis=1)
+    assert judged_span(ring, held(ring, (r < 1.01) | (r > 2.99)))[0] == pytest.approx(2.0, rel=0.02)
+
+
+def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report():
+    """Combinations are sums of the forces of their cases, so all cases need one factorisation."""
+    coarse = {"surface.combinations": "EN 1990 6.10", "surface.edge": 0.4, "pattern.width.member": 0.3}
+    coarse |= {"surface.load.0.case": "dead", "surface.load.1.case": "snow"}
+    coarse |= {"pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
+    design = Design.from_preset(load_preset("gridshell", coarse)).until("slicing")
+    judged = cut_carrying(cut_statics(design, design.preset.statics.thickness), buckles=False)
+    use = design.member_utilisation
+    assert judged.use.value == pytest.approx(use.largest.max(), rel=1e-6)
+    assert judged.use.member == use.bays.member[int(use.order[0])]
+    assert judged.use.case in design.preset.judged_in("ULS", design.statics.cases)
+    for name, case in design.statics.cases.items():
+        load = sheet_loads(design.surface, design.slicing.cells.subset(), design.sheet, {name: case.load})[name]
+        rows = [row.vertical for row in judged.reactions if row.case == name]
+        assert sum(rows) == pytest.approx(-load.force[:, 2].sum(), rel=1e-6)
