@@ -99,7 +99,8 @@ class Carrying:
     buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
     buckling_case : its case; ''.
     mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
-    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions."""
+    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
+    stress   : (m,) von Mises stress of each face of the cut sheet in the case of the most used member, Pa."""
 
     thickness: float
     mass: float
@@ -110,6 +111,7 @@ class Carrying:
     reactions: tuple[SupportForce, ...] = ()
     faults: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    stress: Floats | None = field(default=None, compare=False, repr=False)
 
     @property
     def outcome(self) -> Outcome:
@@ -233,7 +235,8 @@ def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
         faults.append(f"it buckles at {factor:.2g} times its load")
     rows = _reactions(statics)
     mass = _mass(statics.design, statics.thickness)
-    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside))
+    stress = statics.stress(use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]).largest
+    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside), stress)
 
 
 def _mass(design: Design, thickness: float) -> float:

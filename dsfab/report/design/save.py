@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsfab.core.errors import ExportError
 from dsfab.design.design import Design
@@ -20,8 +20,12 @@ from dsfab.preset.model import Preset
 from dsfab.report.design.facts import alternative_facts, design_facts
 from dsfab.report.design.inspection import fabrication_facts, quality_facts
 from dsfab.study import design_alternatives, is_searched, require_fit
+from dsfab.study.carrying import carrying
 from dsfab.study.fabrication import fabrication
 from dsfab.thickening import SplitBodies, parts
+
+if TYPE_CHECKING:
+    from dsfab.render.design_picture import Pictures
 
 MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
 
@@ -51,13 +55,15 @@ def save(
 ) -> SavedDesign:
     """Write every file of a design into `folder`: all of them, or none.
 
-    picture : also write preview.png.
+    picture : also write preview.png, for clients, and analysis.png, the loads and the use of the cut structure.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
     Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
     """
     with atomic_folder(Path(folder)) as build_folder:
-        with _picture_meanwhile(design, build_folder / "preview.png", progress) if picture else nullcontext():
+        from dsfab.render.design_picture import analysis_picture
+
+        with _pictures_meanwhile(design, build_folder, progress) if picture else nullcontext() as pictures:
             require_fit(design, measure=False)  # `numbers` measures later, while OCCT checks files
             measured, spent = dict[str, Any](), 0.0
 
@@ -65,6 +71,8 @@ def save(
                 nonlocal spent
                 _write_numbers(design, build_folder, Path(folder), preset)
                 begin = time.perf_counter()
+                if pictures:
+                    pictures.add(analysis_picture(design, carrying(design)), build_folder / "analysis.png")
                 measured.update(_measured_facts(design, progress, build_folder / "fabrication.png" if marked else None))
                 spent = time.perf_counter() - begin
 
@@ -100,14 +108,16 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def _picture_meanwhile(design: Design, path: Path, progress: Progress) -> Iterator[None]:
-    from dsfab.render.design_picture import picture_in_background
+def _pictures_meanwhile(design: Design, folder: Path, progress: Progress) -> "Iterator[Pictures]":
+    """Draw preview.png, and pictures that the caller adds, in a second process."""
+    from dsfab.render.design_picture import client_picture, pictures_in_background
 
-    with picture_in_background(design, path) as finish:
-        yield
-        if not path.exists():
-            progress("preview", f"drawing {path.name}")
-        finish()
+    with pictures_in_background() as pictures:
+        pictures.add(client_picture(design), folder / "preview.png")
+        yield pictures
+        if missing := [path.name for path in pictures.pending if not path.exists()]:
+            progress("preview", f"drawing {' and '.join(missing)}")
+        pictures.finish()
 
 
 def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Preset) -> None:

@@ -1,4 +1,4 @@
-"""The picture of a design for clients: supports as building parts, ground and a scale, above plan and elevation."""
+"""The pictures of a build: one for clients, with supports as building parts, and one of loads and utilisation."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -8,23 +8,36 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
-from dsfab.render.drawing import PERSON_HEIGHT, Stage, page_view, person, render_stage
+from dsfab.render.colouring import Colouring, with_bar
+from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person, render_stage, set_stage
+from dsfab.render.fabrication import Callout, with_callouts
 from dsfab.render.lettering import Legend, Palette, length_label, round_length, with_legend
-from dsfab.render.light import QUICK
+from dsfab.render.light import ROUGH
 from dsfab.render.marks import PENCIL_LENGTH, MarkMesh, ground_bar, joined, pencil, place_beside
-from dsfab.render.picture import Look
+from dsfab.render.picture import Look, StructurePicture
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.surroundings import building_supports, ground_level, support_part
-from dsfab.render.view import View, best_side, named_side, parallel_view, plan_and_elevation, plane_extents, up_axis
+from dsfab.render.view import (
+    View,
+    best_side,
+    fit_view,
+    named_side,
+    parallel_view,
+    plan_and_elevation,
+    plane_extents,
+    up_axis,
+)
 from dsfab.surface import LoadCase, Surface
 
 if TYPE_CHECKING:
     from PIL.Image import Image
 
 CLIENT_LOOK = Look((1600, 1600))  # default style of a picture for clients
+ANALYSIS_LOOK = Look((800, 760))  # default style of each half of a picture of the analysis
 SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, because a person would dwarf the model
 HUGE, BAR_SHARE = 70.0, 0.1  # size (m) above which a person stands on a bar, and its length over the size
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of the main view and of the words, over the height of the picture
+PANEL_LIGHT = replace(ROUGH, finer=2)  # quality of light in small views
 LETTERS = 0.68  # size of letters over that of a picture as high as wide
 PANEL_SHARE = 0.84  # largest share of the width and of the height of a panel that a plan or an elevation fills
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
@@ -113,8 +126,8 @@ class ClientPicture:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             page.paste(render_stage(scene, stage, palette, self._main_size), (0, 0))
             scale = self._draw_panels(page, scene)
-        legend = Legend(self.caption, [], scale, ((self.scale_words, palette.person),))
-        return np.asarray(with_legend(page, legend, palette, LETTERS))
+        words = Legend(self.caption, [], scale, ((self.scale_words, palette.person),))
+        return np.asarray(with_legend(page, words, palette, LETTERS))
 
     def _draw_panels(self, page: "Image", scene: Scene) -> float:
         """Draw plan and elevation below the main view, and return their common scale (pixels per metre)."""
@@ -125,10 +138,40 @@ class ClientPicture:
         scale = min(float((PANEL_SHARE * np.array(size) / plane_extents(V, side)).min()) for side in sides)
         for k, (name, side) in enumerate(zip(("plan", "elevation"), sides, strict=True)):
             view = parallel_view(V, side, size, scale)
-            panel = render_stage(scene, replace(stage, view=view), palette, size, QUICK)
+            panel = render_stage(scene, replace(stage, view=view), palette, size, PANEL_LIGHT)
             _write_title(panel, name, view, stage, palette)
             page.paste(panel, (k * (width - size[0]), top))
         return scale
+
+
+@dataclass(frozen=True, eq=False)
+class AnalysisPicture:
+    """Data of a picture of loads and supports, and beside it of the use of the cut sheet, for a second process.
+    loaded  : the left half, whose side, size and colours are also those of the right half.
+    V, F    : cut sheet (n, 3) metres and (m, 3).    faces : its colours, bar and caption.
+    callouts: notes on places of the cut sheet.
+    """
+
+    loaded: StructurePicture
+    V: Floats
+    F: Ints
+    faces: Colouring
+    callouts: list[Callout]
+
+    def render(self) -> Bytes:
+        """Return (height, width, 3) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
+        left, faces = self.loaded, self.faces
+        size, palette = left.look.size, left.look.palette
+        body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(left.annotations, layers=())
+        stage = set_stage(body, left.side, left.up, left.half, annotations, palette, size)
+        half = 0.86 * size[0] / size[1]
+        stage = replace(stage, view=fit_view(self.V, left.side, (-half, half, -0.6, 0.6)))  # room for bar and notes
+        with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+            image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
+        image = with_legend(image, legend(stage, faces.words, palette, size), palette)
+        image = with_bar(image, faces.bar, palette) if faces.bar else image
+        image = with_callouts(image, self.callouts, stage.view, palette)
+        return np.concatenate([left.render(PANEL_LIGHT), np.asarray(image)], axis=1)
 
 
 def _write_title(panel: "Image", name: str, view: View, stage: Stage, palette: Palette) -> None:
