@@ -2,18 +2,18 @@
 
 import json
 import shlex
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
+from dsfab.app.build_page import BuildPage, Output
+from dsfab.app.exit_codes import ExitCode
 from dsfab.app.export import ALIASES, CALCULIX, CALCULIX_SUFFIX, format_suffix
-from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, estimate_step
-from dsfab.app.terminal import Reporter, print_lines, print_result
-from dsfab.core.errors import ExportError
-from dsfab.core.messages import byte_size, sentence
+from dsfab.app.options import NO_FLAGS, UNCHANGED, Source, StepFlags, estimate_step
+from dsfab.app.terminal import Reporter
+from dsfab.core.errors import ExportError, NotMadeError
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
@@ -87,11 +87,12 @@ def build(
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
     pictures: PictureFlags = PictureFlags(),
-    quiet: Quiet = False,
+    output: Output = Output(),
 ) -> int:
-    """Build a preset: solid, sheet, picture and numbers, in one folder.
+    """Build a preset: verdict, picture, solid, sheet and numbers, in one folder.
 
-    For a mesh file, dsfab proposes a preset as `dsfab new` does, and prints each decision.
+    For a mesh file, dsfab proposes a preset as `dsfab new` does, and prints each decision. The exit code is 5 if the
+    structure does not carry its loads; the files are written all the same.
 
     Parameters
     ----------
@@ -104,13 +105,13 @@ def build(
     from dsfab.export import FORMATS, require_writable
     from dsfab.report.design.save import ready_to_draw, save
 
-    source = source.with_overrides(*files.preset_overrides(), *step.overrides())
+    source, page = source.with_overrides(*files.preset_overrides(), *step.overrides()), BuildPage(output)
     proposal = source.proposal(preset)
-    print_lines(proposal.lines if proposal and not quiet else ())
+    page.print_lines(proposal.lines if proposal else ())
     loaded = source.read_preset(preset, proposal)
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()
-    reporter = Reporter(quiet)
+    reporter = Reporter(output.quiet, steps=output.verbose)
     if step.estimate:
         return estimate_step(loaded, reporter)
     drawable, folder = pictures.drawable(reporter), files.output or Path("outputs") / loaded.name
@@ -120,16 +121,15 @@ def build(
             design = run(loaded, reporter)
             if fix:
                 design = _fix_design(design, reporter)
-            saved = save(design, folder, reporter, drawable.picture, drawable.marked)
+            announce = page.announcements(design, reporter, drawable.picture)
+            saved = save(design, folder, reporter, drawable.picture, drawable.marked, announce)
         reporter.done()
-        for text in saved.messages:
-            reporter.print_line(f"export      {text}")
-    if not quiet:
-        _summary(design, folder, saved.facts)
-    if saved.refused:
-        is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
-        _report_refusal(saved.refused, design.preset, folder if is_optional else None, reporter)
-    return 0
+    is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
+    refused = [_refusal_line(saved.refused, design.preset, folder)] if saved.refused and is_optional else []
+    page.print_rest(design, folder, saved, refused)
+    if saved.refused and not is_optional:
+        raise NotMadeError(saved.refused)
+    return ExitCode.DOES_NOT_CARRY if page.faulty else ExitCode.DONE
 
 
 def _format(word: str) -> str:
@@ -143,12 +143,9 @@ def _step_is_optional(export: "Export") -> bool:
     return export.step == "quick" and len(export.formats) > 1
 
 
-def _report_refusal(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Report a file that dsfab refused to write; raise ExportError if the user requested it (`folder` is None)."""
-    if folder is None:
-        raise ExportError(why)
+def _refusal_line(why: str, preset: "Preset", folder: Path) -> str:
     longer = f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes"
-    reporter.print_line(f"export      left out: {why}{longer if preset.export.step == 'quick' else ''}")
+    return f"left out: {why}{longer if preset.export.step == 'quick' else ''}"
 
 
 def _fix_design(design: "Design", reporter: Reporter) -> "Design":
@@ -161,28 +158,3 @@ def _fix_design(design: "Design", reporter: Reporter) -> "Design":
     if not fix_result.changes:
         reporter.print_line("fix         nothing to change: no limit of [fabrication] is missed")
     return fix_result.design
-
-
-def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
-    from dsfab.render.design_picture import caption
-    from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
-    from dsfab.report.design.inspection import fabrication_lines, load_lines, quality_lines
-    from dsfab.report.design.statics import answer_lines, case_lines
-
-    solid, pieces = design.solid, design.solid.pieces
-    if losing_words := facts.get("loses_to"):
-        print_result(sentence(losing_words))
-    if design.preset.description:
-        print_result(design.preset.description)
-    print_result(caption(design))
-    print_result(
-        f"solid: {len(solid.F):,} triangles, {solid.volume:.4g} m3, genus {solid.genus}, "
-        f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
-    )
-    measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    choices = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
-    print_lines((*load_lines(facts), *choices, *case_lines(design), *answer_lines(design), *measures))
-    print_lines(f"note ({note.stage}): {note.text}" for note in design.notes)
-    for path in sorted(folder.iterdir()):
-        if path.is_file():
-            print_result(f"  {path}  {byte_size(path.stat().st_size)}")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from dsfab.app.exit_codes import ExitCode
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import Source
 from dsfab.app.terminal import Reporter, print_lines, print_result, signals_as_interrupts
@@ -65,7 +66,7 @@ def check_nonlinear(name: str, source: Source, options: Nonlinear, as_json: bool
         print_result(json.dumps(nonlinear_facts(result), indent=2))
     elif not quiet:
         print_lines(nonlinear_lines(result))
-    return int(result.given_way and result.limit < 1)
+    return ExitCode.DOES_NOT_CARRY if result.given_way and result.limit < 1 else ExitCode.DONE
 
 
 def nonlinear_facts(result: "NonlinearCheck") -> dict[str, Any]:

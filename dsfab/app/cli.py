@@ -1,7 +1,6 @@
 """The command line. Only this module prints errors and exits.
 
-Exit codes: 0 done; 1 refused input, with a sentence on standard error; 2 wrong usage; 3 missing runs of a sweep; 70 a
-bug, with a sentence that names a file of details; 130 stopped by Ctrl-C."""
+Exit codes: see `dsfab.app.exit_codes`."""
 
 import gc
 import os
@@ -18,9 +17,9 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, RepeatArgumentError
 
 from dsfab import __version__
-from dsfab.core.errors import DsfabError
+from dsfab.app.exit_codes import ExitCode
+from dsfab.core.errors import DsfabError, NotMadeError
 
-DONE, REFUSED, WRONG_USAGE, MISSING, MISTAKEN, STOPPED = 0, 1, 2, 3, 70, 130
 LISTS = ("-f", "--format", "--against")  # Options that take several values with commas.
 
 app = App(
@@ -73,21 +72,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except RepeatArgumentError as error:
-        return _fail(WRONG_USAGE, _given_twice(words, error.token.keyword or ""))
+        return _fail(ExitCode.WRONG_USAGE, _given_twice(words, error.token.keyword or ""))
     except CycloptsError as error:
-        return _fail(WRONG_USAGE, f"{str(error).strip()} Try `dsfab --help`.")
+        return _fail(ExitCode.WRONG_USAGE, _wrong_usage(error))
+    except NotMadeError as error:
+        return _fail(ExitCode.NOT_MADE, str(error))
     except DsfabError as error:
-        return _fail(REFUSED, str(error))
+        return _fail(ExitCode.REFUSED, str(error))
     except KeyboardInterrupt:
-        return _fail(STOPPED, "stopped; nothing was written")
+        return _fail(ExitCode.INTERRUPTED, "stopped; nothing was written")
     except BrokenPipeError:  # a reader such as `dsfab presets | head` closes the pipe
         sys.stderr.close()
-        return DONE
+        return ExitCode.DONE
     except MemoryError as error:
-        return _fail(MISTAKEN, f"the memory is too small; make the mesh coarser{_details(words, error)}")
+        return _fail(ExitCode.BUG, f"the memory is too small; make the mesh coarser{_details(words, error)}")
     except Exception as error:  # handler of last resort for bugs
-        return _fail(MISTAKEN, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
-    return code if isinstance(code, int) else DONE
+        return _fail(ExitCode.BUG, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
+    return int(code) if isinstance(code, int) else ExitCode.DONE
+
+
+def _wrong_usage(error: CycloptsError) -> str:
+    command = " ".join(("dsfab", *(error.command_chain or ())))
+    return f"{str(error).strip()} Try `{command} --help`."
 
 
 def _given_twice(words: Sequence[str], option: str) -> str:

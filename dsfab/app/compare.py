@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
+from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
@@ -211,7 +212,8 @@ def compare_one(preset: "Preset", task: CompareTask, folder: Path, command: str,
         print_result(document)
     elif not quiet:
         _print_results(comparisons, findings, [folder / name for name in files])
-    return int(any(share is None and compared.design.judgement is None for share, compared in comparisons))
+    lost = any(share is None and compared.design.judgement is None for share, compared in comparisons)
+    return ExitCode.DOES_NOT_CARRY if lost else ExitCode.DONE
 
 
 def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> list[ComparisonAtShare]:
@@ -320,7 +322,9 @@ class Batch:
             print_result(json.dumps([row | {"folder": str(row["folder"] or "")} for row in rows], indent=2))
         elif not quiet:
             print_result("\n".join(f"  {folder / name}" for name in FILES))
-        return int(any(row["error"] or row["verdict"] == "fail" for row in rows))
+        if any(row["error"] for row in rows):
+            return ExitCode.NOT_MADE
+        return ExitCode.DOES_NOT_CARRY if any(row["verdict"] == "fail" for row in rows) else ExitCode.DONE
 
     def _row(self, preset: str, taken: Sequence[Path | None], resume: bool, reporter: Reporter) -> SummaryRow:
         name, command = Path(preset).stem, self.task.command(preset)
@@ -391,7 +395,7 @@ def compare(
     Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes a report
     for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of compliance
     over mass. Several presets are compared in turn, also after an error, and summary.html has a line for each. The
-    exit code is 1 if a design does not carry its loads.
+    exit code is 5 if a design does not carry its loads.
 
     Parameters
     ----------

@@ -6,10 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import length
+from dsfab.report.design.carrying import reaction_lines
 from dsfab.report.design.inspection import (
     fabrication_facts,
     fabrication_lines,
@@ -21,8 +23,6 @@ from dsfab.report.design.inspection import (
 
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts, RawMesh
-
-DONE, REFUSED = 0, 1  # Exit codes of `inspect`.
 
 
 def presets() -> int:
@@ -82,12 +82,13 @@ def inspect(
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
             raise PresetError(f"{flag} works with a preset or a folder of results, not with a mesh file; leave it out")
-        return DONE if _show_mesh(path, source) or report else REFUSED
+        return ExitCode.DONE if _show_mesh(path, source) or report else ExitCode.REFUSED
     built = _built_facts(path) if path.is_dir() and not is_shipped else None
     if built is None or output is not None or source != UNCHANGED:
         built = _measured_facts(file if built is None else str(path / "preset.toml"), source, output)
     else:
-        print_lines(load_lines(built))
+        reactions = built["carrying"]["reactions"] if "carrying" in built else ()
+        print_lines((*load_lines(built), *reaction_lines(reactions)))
     print_lines((*(quality_lines(built["pattern"]) if "pattern" in built else ()), *fabrication_lines(built)))
     return 0
 
@@ -96,7 +97,10 @@ def _built_facts(folder: Path) -> dict[str, Any]:
     """Return the measures in a folder's design.json; raise PresetError for a folder without them."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
-        return {**facts["fabrication"], **{k: facts[k] for k in ("pattern", "supports", "loads") if k in facts}}
+        return {
+            **facts["fabrication"],
+            **{k: facts[k] for k in ("pattern", "supports", "loads", "carrying") if k in facts},
+        }
     except (OSError, ValueError, KeyError, TypeError):
         raise PresetError(f"{folder} has no design.json with measures of fabrication; build the design again") from None
 
@@ -114,7 +118,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
             design.until("statics")
         finally:
             reporter.done()
-            print_lines(load_lines(load_facts(design, solved=design.has("statics"))))
+            print_lines(load_lines(load_facts(design)))
         measures = fabrication(design.until("thickening"))
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")

@@ -13,7 +13,7 @@ from cyclopts import Parameter
 
 from dsfab.app.options import Quiet
 from dsfab.app.terminal import Reporter, print_result
-from dsfab.core.errors import DsfabError, did_you_mean
+from dsfab.core.errors import DsfabError, NotMadeError, did_you_mean
 from dsfab.core.messages import byte_size
 from dsfab.export import atomic_folder
 from dsfab.report.design.facts import versions
@@ -49,7 +49,7 @@ def reproduce(
 ) -> int:
     """Make the paper's figures and a page about them: each step in pictures, its parameters, its seconds.
 
-    Exit code 1 when a figure could not be made; the page says why in its place.
+    Exit code 4 when a figure could not be made; the page says why in its place.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def reproduce(
     if not quiet:
         _summary(figures, output, small)
     if failed:
-        raise DsfabError(f"{len(failed)} of {len(figures)} figures could not be made: {'; '.join(failed)}")
+        raise NotMadeError(f"{len(failed)} of {len(figures)} figures could not be made: {'; '.join(failed)}")
     return 0
 
 

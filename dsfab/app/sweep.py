@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
+from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
@@ -175,7 +176,6 @@ def _is_sweep(path: Path) -> bool:
 
 
 def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
-    from dsfab.app.cli import DONE, MISSING, STOPPED
     from dsfab.app.sweep_status import SweepProgress
     from dsfab.report.sweep_pages import first_metric, loss_sentence, missing_runs_line, sweep_summary
     from dsfab.study.sweeps.folder import checked_plan, only_coordinator, prepare, sweep_folder
@@ -201,10 +201,10 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
         missing, quoted = missing_runs_line(sweep), shlex.quote(str(folder))
     if stopped:
         line.print_line(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
-        return STOPPED
+        return ExitCode.UNFINISHED
     if missing:
         line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
-    return MISSING if missing else DONE
+    return ExitCode.UNFINISHED if missing else ExitCode.DONE
 
 
 def _run_all(sweep: "SweepFolder", workers: "Workers", line: Any, retry: "Collection[State]") -> bool:

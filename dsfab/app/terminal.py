@@ -14,10 +14,10 @@ from rich.status import Status
 
 class Reporter:
     """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last
-    stage."""
+    stage.    steps : False to show a stage on a terminal only while it runs, without a line that stays."""
 
-    def __init__(self, quiet: bool = False) -> None:
-        self.quiet = quiet
+    def __init__(self, quiet: bool = False, steps: bool = True) -> None:
+        self.quiet, self.steps = quiet, steps
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
         self._stage: tuple[str, str, float] | None = None
         self._status: Status | None = None
@@ -46,7 +46,8 @@ class Reporter:
         self.stop()
         if self._stage:
             stage, doing, start = self._stage
-            self._console.print(f"{stage:<11} {doing:<52} {time.perf_counter() - start:7.2f} s", markup=False)
+            if self.steps:
+                self._console.print(f"{stage:<11} {doing:<52} {time.perf_counter() - start:7.2f} s", markup=False)
             self._stage = None
 
     def stop(self) -> None:

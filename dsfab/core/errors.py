@@ -29,6 +29,10 @@ class ExportError(DsfabError):
     """A file that could not be written, or whose content differs from the design when dsfab reads it again."""
 
 
+class NotMadeError(ExportError):
+    """Something that was requested and was not made, for instance a file that would be larger than allowed."""
+
+
 class PresetError(DsfabError):
     """A preset with unknown keys, wrong types or impossible values."""
 

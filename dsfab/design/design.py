@@ -97,6 +97,10 @@ class Design:
         """Memoise `make()` under `name`. A revision keeps the result if only stages after `stage` changed."""
         return self._results.derived_value(stage, name, make)
 
+    def existing_result(self, name: str) -> Any:
+        """Return a memoised result of `cached_result` if it exists, else None."""
+        return self._results.existing_value(name)
+
     def write(self, path: str | Path, **options: Any) -> Path:
         """Write one file in the format of its suffix; see `dsfab.write`."""
         from dsfab.design.output import write

@@ -49,6 +49,10 @@ class StageResults:
         """Return an input of `stage`, computed on first access and held until that stage has its result."""
         return _computed_once(self.inputs, stage, name, compute)
 
+    def existing_value(self, name: str) -> Any:
+        """Return a derived value if it exists, else None."""
+        return self.derived.get(name, ("", None))[1]
+
     def existing_input(self, name: str) -> Any:
         """Return an input if it exists, else None."""
         return self.inputs.get(name, ("", None))[1]

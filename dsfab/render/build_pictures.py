@@ -11,9 +11,9 @@ from dsfab.core.errors import DsfabError
 from dsfab.render.colouring import Colouring, with_bar
 from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person, render_stage, set_stage
 from dsfab.render.fabrication import Callout, with_callouts
-from dsfab.render.lettering import Legend, Palette, length_label, round_length, with_legend
+from dsfab.render.lettering import Legend, Palette, length_label, with_legend
 from dsfab.render.light import ROUGH
-from dsfab.render.marks import PENCIL_LENGTH, MarkMesh, ground_bar, joined, pencil, place_beside
+from dsfab.render.marks import PENCIL_LENGTH, joined, pencil, place_beside
 from dsfab.render.picture import Look, StructurePicture
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.surroundings import building_supports, ground_level, support_part
@@ -35,7 +35,6 @@ if TYPE_CHECKING:
 CLIENT_LOOK = Look((1600, 1600))  # default style of a picture for clients
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of a picture of the analysis
 SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, because a person would dwarf the model
-HUGE, BAR_SHARE = 70.0, 0.1  # size (m) above which a person stands on a bar, and its length over the size
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of the main view and of the words, over the height of the picture
 PANEL_LIGHT = replace(ROUGH, finer=2)  # quality of light in small views
 LETTERS = 0.68  # size of letters over that of a picture as high as wide
@@ -69,18 +68,6 @@ class ClientPicture:
         """Whether a pencil shows the scale, because a person would dwarf the model."""
         return self.surface.size < SMALLEST_BUILDING
 
-    @property
-    def bar_length(self) -> float:
-        """Length of the bar on the ground beside a huge structure (m), else 0."""
-        return round_length(BAR_SHARE * self.surface.size) if self.surface.size > HUGE else 0.0
-
-    @property
-    def scale_words(self) -> str:
-        """Words that name the pencil or the person, with their lengths."""
-        if self.is_small:
-            return f"pencil, {length_label(PENCIL_LENGTH)}"
-        return f"person, {PERSON_HEIGHT:g} m" + (f", on a bar of {self.bar_length:g} m" if self.bar_length else "")
-
     @cached_property
     def stage(self) -> Stage:
         """The main view of the solid, its supports (if it has any), and last a person or a pencil.
@@ -101,15 +88,9 @@ class ClientPicture:
         side = best_side(V, up)
         side = named_side(V, up, WALL_VIEW) if side.front else side
         foot, right = place_beside(V, side.towards, up, level)
-        bodies.append(Body(*self._scale_figure(foot, right), palette.colour_bytes("person")))
+        figure = pencil(foot, right, up) if self.is_small else person(foot, right, up)
+        bodies.append(Body(*figure, palette.colour_bytes("person")))
         return Stage(bodies, page_view(bodies, side, self._main_size, words=False), level, centre, radius)
-
-    def _scale_figure(self, foot: Floats, right: Floats) -> MarkMesh:
-        """Return a pencil beside a model, or a person, who stands on a bar beside a huge structure."""
-        if self.is_small:
-            return pencil(foot, right, self.up)
-        figure = person(foot, right, self.up)
-        return joined([figure, ground_bar(foot, right, self.up, self.bar_length)]) if self.bar_length else figure
 
     @property
     def _main_size(self) -> tuple[int, int]:
@@ -126,8 +107,9 @@ class ClientPicture:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             page.paste(render_stage(scene, stage, palette, self._main_size), (0, 0))
             scale = self._draw_panels(page, scene)
-        words = Legend(self.caption, [], scale, ((self.scale_words, palette.person),))
-        return np.asarray(with_legend(page, words, palette, LETTERS))
+        words = f"pencil, {length_label(PENCIL_LENGTH)}" if self.is_small else f"person, {PERSON_HEIGHT:g} m"
+        line = Legend(self.caption, [], scale, ((words, palette.person),))
+        return np.asarray(with_legend(page, line, palette, LETTERS))
 
     def _draw_panels(self, page: "Image", scene: Scene) -> float:
         """Draw plan and elevation below the main view, and return their common scale (pixels per metre)."""

@@ -35,12 +35,14 @@ if TYPE_CHECKING:
 
 
 def caption(design: Design) -> str:
-    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces."""
-    pieces = design.solid.pieces
+    """Return the caption of a design's picture: name, kept share, thickness, mass and number of pieces.
+    It ends with a warning if the design is known not to carry its loads."""
+    pieces, judged = design.solid.pieces, design.existing_result("carrying")
+    warning = " - DOES NOT CARRY ITS LOADS" if judged and judged.faults else ""
     share = design.sheet.surface.area / design.surface.area
     return (
         f"{design.preset.name} - {share:.0%} of the surface kept, {length(design.preset.statics.thickness)} thick, "
-        f"{mass(design.mass)}, {pieces} {'piece' if pieces == 1 else 'pieces'}"
+        f"{mass(design.mass)}, {pieces} {'piece' if pieces == 1 else 'pieces'}{warning}"
     )
 
 
@@ -143,15 +145,21 @@ class Pictures:
 
     program: PreparedProgram | None = None
     folder: str = ""
-    pending: dict[Path, ClientPicture | AnalysisPicture] = field(default_factory=dict)
+    pending: list[tuple[ClientPicture | AnalysisPicture, Path]] = field(default_factory=list)
 
     def add(self, data: ClientPicture | AnalysisPicture, path: Path) -> None:
         """Start to draw a picture into a PNG file."""
-        self.pending[path] = data
+        self.pending.append((data, path))
         if self.program:
-            file = Path(self.folder) / f"{path.stem}.pickle"
+            file = Path(self.folder) / f"{len(self.pending)}.pickle"
             file.write_bytes(pickle.dumps(data, protocol=5))
             self.program.send(str(file), str(path))
+
+    def add_verdict(self, design: Design, judged: "Carrying", folder: Path) -> None:
+        """Start to draw analysis.png, and again preview.png if its caption must say that the design does not carry."""
+        self.add(analysis_picture(design, judged), folder / "analysis.png")
+        if judged.faults:
+            self.add(client_picture(design), folder / "preview.png")
 
     def finish(self) -> None:
         """Wait until all pictures are written."""
@@ -159,7 +167,7 @@ class Pictures:
             if self.program:
                 self.program.answer(SECONDS)
                 return
-        for path, data in self.pending.items():
+        for data, path in self.pending:
             write_png(data.render(), path)
 
 

@@ -231,13 +231,6 @@ def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return _placed_copies(wood, (foot + PENCIL_WIDTH / 2 * up)[None], along[None], np.array([PENCIL_LENGTH]))
 
 
-def ground_bar(foot: Floats, right: Floats, up: Floats, length: float) -> MarkMesh:
-    """Return a flat bar (4, 3) on the ground that begins at `foot` (3,) and points to the eye. right, up : (3,)."""
-    front = np.cross(right, up)
-    corners = np.array([(x, y) for x in (-0.02, 0.02) for y in (0.0, 1.0)]) * length
-    return foot + corners @ np.stack([right, front]) + 0.002 * length * up, np.array([(0, 1, 3), (0, 3, 2)])
-
-
 def joined(meshes: Sequence[MarkMesh]) -> MarkMesh:
     """Return several meshes, at least one, as one mesh."""
     first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])

@@ -12,6 +12,7 @@ from dsfab.design.design import Design
 from dsfab.report.design.inspection import load_facts
 from dsfab.report.design.statics import answer_facts, case_facts, cut_load_facts, equilibrium_facts, mode_facts
 from dsfab.study import ALTERNATIVE_WORDS, losing_line
+from dsfab.study.carrying import carrying
 
 if TYPE_CHECKING:
     from dsfab.results import Attempt, Candidate, Choice
@@ -119,10 +120,11 @@ def design_facts(
         "preset": design.resolved_preset.model_dump(mode="json", exclude_none=True),
         "surface": {"vertices": uncut.n, "triangles": uncut.m, "area_m2": uncut.area, "mean_edge_m": uncut.mean_edge},
         **({"file": asdict(design.file)} if design.file else {}),
+        "carrying": carrying(design).facts(),
         **load_facts(design),
         "statics": {
             "of": "the uncut sheet",
-            **equilibrium_facts(design, design.statics.load, design.statics.equilibrium),
+            **equilibrium_facts(design, design.statics.load, design.statics.answers.equilibrium),
             **answer_facts(design, design.statics),
             **mode_facts(design),
             "cases": case_facts(design),

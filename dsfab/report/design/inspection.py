@@ -14,18 +14,15 @@ if TYPE_CHECKING:
     from dsfab.surface import Load
 
 
-def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
-    """Return `supports` and `loads` of `design.json`; reactions and their shares belong to the uncut sheet.
+def load_facts(design: "Design") -> dict[str, Any]:
+    """Return `supports` and `loads` of `design.json`.
     Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
-
-    solved : whether to add reactions, which need the statics.
-    Raises DsfabError for supports and loads that select nothing, and if the statics fail."""
+    Raises DsfabError for supports and loads that select nothing."""
     from dsfab.design import acting_on
     from dsfab.statics import load_entries, support_entries
 
     surface, weight = design.surface, design.preset.statics.area_weight
     acting = acting_on(design.preset, surface)
-    answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
     return {
         "supports": [
             {
@@ -35,10 +32,8 @@ def load_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
                 "along_m": entry.length,
                 "area_m2": entry.area,
                 "holds": entry.holds,
-                "reaction_N": {case: part.tolist() for case, part in entry.reaction.items()},
-                "share": dict(entry.share),
             }
-            for entry in support_entries(surface, acting.support, answers)
+            for entry in support_entries(surface, acting.support)
         ],
         "loads": [
             {
@@ -69,13 +64,10 @@ def _force_on_cut_sheet(design: "Design", load: "Load") -> "Floats":
 
 
 def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """Yield a table of supports, each with its largest reaction, and a table of loads; nothing without such facts."""
+    """Yield a table of supports, and a table of loads; nothing without such facts."""
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
-        several = len(supports[0]["share"]) > 1
-        head = ["support", "vertices", "along", "holds", *(["carries uncut", "share"] if supports[0]["share"] else [])]
-        rows = [_support_row(entry, several) for entry in supports]
-        yield from table([*head, *(["under"] if several else [])], rows).split("\n")
+        yield from table(("support", "vertices", "along", "holds"), map(_support_row, supports)).split("\n")
     if loads:
         several = len({entry["case"] for entry in loads}) > 1
         sheets = ["uncut sheet", *(["cut sheet"] if "cut_force_N" in loads[0] else [])]
@@ -83,14 +75,8 @@ def load_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         yield from table(head, [_load_row(entry, several) for entry in loads]).split("\n")
 
 
-def _support_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
-    cells = [entry["name"], f"{entry['vertices']:,}", _extent_words(entry), entry["holds"]]
-    if not entry["share"]:
-        return cells
-    size = {case: vector_size(reaction) for case, reaction in entry["reaction_N"].items()}
-    largest_case = max(size, key=lambda case: size[case])
-    carried = force(size[largest_case]) if entry["share"][largest_case] > 1e-9 else "0 N"  # less is a rounding error
-    return [*cells, carried, f"{entry['share'][largest_case]:.0%}", *([largest_case] if several else [])]
+def _support_row(entry: Mapping[str, Any]) -> Sequence[str]:
+    return entry["name"], f"{entry['vertices']:,}", _extent_words(entry), entry["holds"]
 
 
 def _load_row(entry: Mapping[str, Any], several: bool) -> Sequence[str]:

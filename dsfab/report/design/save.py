@@ -5,7 +5,9 @@ import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from operator import add
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsfab.core.errors import ExportError
@@ -20,7 +22,7 @@ from dsfab.preset.model import Preset
 from dsfab.report.design.facts import alternative_facts, design_facts
 from dsfab.report.design.inspection import fabrication_facts, quality_facts
 from dsfab.study import design_alternatives, is_searched, require_fit
-from dsfab.study.carrying import carrying
+from dsfab.study.carrying import Carrying, carrying
 from dsfab.study.fabrication import fabrication
 from dsfab.thickening import SplitBodies, parts
 
@@ -50,54 +52,89 @@ class _WrittenFiles(NamedTuple):
     refused: list[str]
 
 
+class Announcements(NamedTuple):
+    """Functions that a caller of `save` hears from: of the verdict, and of the folder once its picture is there."""
+
+    verdict: Callable[[Carrying], None] = lambda _: None
+    picture: Callable[[Path], None] = lambda _: None
+
+
+SILENT = Announcements()
+
+
 def save(
-    design: Design, folder: str | Path, progress: Progress = silent, picture: bool = True, marked: bool = False
+    design: Design,
+    folder: str | Path,
+    progress: Progress = silent,
+    picture: bool = True,
+    marked: bool = False,
+    announce: Announcements = SILENT,
 ) -> SavedDesign:
-    """Write every file of a design into `folder`: all of them, or none.
+    """Write the files of a design into `folder`: verdict, picture and all quick formats together, or nothing. Formats
+    that OCCT checks for a minute follow; the folder is whole without them.
 
     picture : also write preview.png, for clients, and analysis.png, the loads and the use of the cut structure.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
     Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
     """
-    with atomic_folder(Path(folder)) as build_folder:
-        from dsfab.render.design_picture import analysis_picture
-
+    start, suffixes = time.perf_counter(), design.preset.export.formats
+    quick, slow = ([x for x in suffixes if (x in MAY_BE_REFUSED) == late] for late in (False, True))
+    folder = Path(folder)
+    with atomic_folder(folder) as build_folder:
         with _pictures_meanwhile(design, build_folder, progress) if picture else nullcontext() as pictures:
-            require_fit(design, measure=False)  # `numbers` measures later, while OCCT checks files
-            measured, spent = dict[str, Any](), 0.0
+            require_fit(design, measure=False)
+            progress("verdict", "judging the cut structure")
+            announce.verdict(judged := carrying(design))
+            if pictures:
+                pictures.add_verdict(design, judged, build_folder)
+            preset = with_mesh(design.resolved_preset, build_folder, folder)
+            files = _write_formats(design, build_folder, quick, progress)
+            _write_numbers(design, build_folder, folder, preset)
+            measured = _measured_facts(design, progress, build_folder / "fabrication.png" if marked else None)
+        facts = _write_facts(design, build_folder, files, measured, time.perf_counter() - start)
+    announce.picture(folder)
+    if not slow and not is_searched(design.preset):
+        return SavedDesign(facts, (*files.reports, *files.notes), "")
+    with atomic_folder(folder, lambda _target, _partial: set()) as build_folder:
+        with work_while_waiting(lambda: measured.update(_alternatives(design, progress))):
+            files = _WrittenFiles(*map(add, files, _write_formats(design, build_folder, slow, progress)))
+        facts = _write_facts(design, build_folder, files, measured, time.perf_counter() - start, facts[MANIFEST])
+    return SavedDesign(facts, (*files.reports, *files.notes), "; ".join(files.refused))
 
-            def numbers() -> None:
-                nonlocal spent
-                _write_numbers(design, build_folder, Path(folder), preset)
-                begin = time.perf_counter()
-                if pictures:
-                    pictures.add(analysis_picture(design, carrying(design)), build_folder / "analysis.png")
-                measured.update(_measured_facts(design, progress, build_folder / "fabrication.png" if marked else None))
-                spent = time.perf_counter() - begin
 
-            start, preset = time.perf_counter(), with_mesh(design.resolved_preset, build_folder, Path(folder))
-            files = _write_formats(design, build_folder, progress, numbers)
-            seconds = {**design.seconds, "export": time.perf_counter() - start - spent}
-        design_json = design_facts(design, seconds, files.names, files.refused, files.notes) | measured
-        design_json |= {MANIFEST: manifest(build_folder)}
-        (build_folder / DESIGN).write_text(json.dumps(design_json, indent=2) + "\n", encoding="utf-8")
-    return SavedDesign(design_json, (*files.reports, *files.notes), "; ".join(files.refused))
+def _write_facts(
+    design: Design,
+    folder: Path,
+    files: _WrittenFiles,
+    measured: Mapping[str, Any],
+    spent: float,
+    earlier: Mapping[str, Any] = MappingProxyType({}),
+) -> dict[str, Any]:
+    """Write `design.json`, and return its content. earlier : entries of its manifest for files that are there."""
+    seconds = {**design.seconds, "export": spent}
+    facts = design_facts(design, seconds, files.names, files.refused, files.notes) | dict(measured)
+    facts |= {MANIFEST: {**earlier, **manifest(folder)}}
+    (folder / DESIGN).write_text(json.dumps(facts, indent=2) + "\n", encoding="utf-8")
+    return facts
 
 
 def _measured_facts(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
     progress("fabrication", "measuring members, gaps and walls")
     measures = fabrication(design)
     require_fit(design, measures)
-    measured = {"fabrication": fabrication_facts(measures), "pattern": quality_facts(design.quality())}
-    if is_searched(design.preset):
-        progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
-        measured |= alternative_facts(design_alternatives(design))
     if marks:
         from dsfab.render.fabrication import write_workshop_picture
 
         write_workshop_picture(marks, design, measures, MARKED_PICTURE)
-    return measured
+    return {"fabrication": fabrication_facts(measures), "pattern": quality_facts(design.quality())}
+
+
+def _alternatives(design: Design, progress: Progress) -> dict[str, Any]:
+    if not is_searched(design.preset):
+        return {}
+    progress("alternatives", "judging a thinner sheet and isotropic stripes of the same mass")
+    return alternative_facts(design_alternatives(design))
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
@@ -115,7 +152,7 @@ def _pictures_meanwhile(design: Design, folder: Path, progress: Progress) -> "It
     with pictures_in_background() as pictures:
         pictures.add(client_picture(design), folder / "preview.png")
         yield pictures
-        if missing := [path.name for path in pictures.pending if not path.exists()]:
+        if missing := [path.name for _, path in pictures.pending if not path.exists()]:
             progress("preview", f"drawing {' and '.join(missing)}")
         pictures.finish()
 
@@ -129,28 +166,11 @@ def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Pre
     (build_folder / "preset.toml").write_text(preset_toml(preset), encoding="utf-8")
 
 
-def _write_formats(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _WrittenFiles:
-    """Write all formats of the preset; call `numbers` while OCCT checks the files of slow formats."""
-    suffixes = design.preset.export.formats
-    files_by_suffix, slow_names = dict[str, _WrittenFiles](), list[str]()
-
-    def write_other_formats() -> None:
-        for suffix in suffixes:
-            if suffix not in MAY_BE_REFUSED:
-                files_by_suffix[suffix] = _write_format(design, folder, suffix, progress)
-        numbers()
-        if slow_names:
-            progress("export", f"reading back {slow_names[-1]}")
-
-    with work_while_waiting(write_other_formats):
-        for suffix in suffixes:
-            if suffix in MAY_BE_REFUSED:
-                slow_names.append(f"{design.preset.name}.{suffix}")
-                files_by_suffix[suffix] = _write_format(design, folder, suffix, progress)
-        slow_names.clear()
+def _write_formats(design: Design, folder: Path, suffixes: Sequence[str], progress: Progress) -> _WrittenFiles:
+    by_suffix = {suffix: _write_format(design, folder, suffix, progress) for suffix in suffixes}
     fields = range(len(_WrittenFiles._fields))
-    all_files = _WrittenFiles(*([text for suffix in suffixes for text in files_by_suffix[suffix][k]] for k in fields))
-    return all_files._replace(notes=merged_notes({suffix: files_by_suffix[suffix].notes for suffix in suffixes}))
+    files = _WrittenFiles(*([text for suffix in suffixes for text in by_suffix[suffix][k]] for k in fields))
+    return files._replace(notes=merged_notes({suffix: by_suffix[suffix].notes for suffix in suffixes}))
 
 
 def merged_notes(notes: Mapping[str, Sequence[str]]) -> list[str]:

@@ -2,40 +2,36 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import force, length, value_with_bound
-from dsfab.render.colouring import stress_label
-from dsfab.report.design.inspection import vector_size
+from dsfab.core.messages import value_with_bound
+from dsfab.statics import REPORTED
 from dsfab.study.verdict.estimates import quantile
 
 if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.results import CaseResult, StaticsResult
-    from dsfab.statics import Answers, Equilibrium
+    from dsfab.statics import Equilibrium
     from dsfab.study.verdict import ModeIntervals
     from dsfab.surface import LoadCase
 
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
     """Return stress, energy and requested results of the uncut sheet under one load, in SI units.
-    `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
+    `answered_by` names the elements; elements that are fit for directions only give no stress and no energy.
     Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
-    stress = answers.stress
-    facts: dict[str, Any] = {
-        "answered_by": str(answers.elements),
-        "largest_von_mises_Pa": stress.peak.stress,
-        "largest_von_mises_at": {
-            "point_m": design.surface.centroids[stress.peak.face].tolist(),
-            "face": stress.peak.face,
-            "layer": stress.peak.layer,
-        },
-        "von_mises_99_Pa": quantile(stress.largest, areas),
-        "membrane_energy_J": float(stress.membrane_energy @ areas),
-        "bending_energy_J": float(stress.bending_energy @ areas),
-    }
-    if answers.equilibrium is not case.equilibrium:
-        facts["answered_compliance_J"] = answers.equilibrium.compliance
-        facts["answered_largest_displacement_m"] = answers.equilibrium.largest_displacement
+    stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
+    if _is_reported(answers.equilibrium):
+        facts |= {
+            "largest_von_mises_Pa": stress.peak.stress,
+            "largest_von_mises_at": {
+                "point_m": design.surface.centroids[stress.peak.face].tolist(),
+                "face": stress.peak.face,
+                "layer": stress.peak.layer,
+            },
+            "von_mises_99_Pa": quantile(stress.largest, areas),
+            "membrane_energy_J": float(stress.membrane_energy @ areas),
+            "bending_energy_J": float(stress.bending_energy @ areas),
+        }
     if questions.strength:
         facts["strength_Pa"], facts["utilisation"] = questions.strength, stress.peak.stress / questions.strength
         facts["utilisation_99"] = facts["von_mises_99_Pa"] / questions.strength
@@ -44,6 +40,11 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
     if questions.buckling:
         facts["buckling_factors"] = answers.buckling.factor.tolist() if answers.buckling else []
     return facts
+
+
+def _is_reported(answer: "Equilibrium") -> bool:
+    """Return whether numbers of these elements may be reported; others are fit for directions only."""
+    return any(answer.elements in (pair, pair.in_plane) for pair in REPORTED)
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
@@ -90,46 +91,30 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """Return lines on the largest stress (not of `hinge` elements), on buckling and on vibration, in the worst
-    cases."""
+    """Return lines on requested buckling factors and frequencies of the uncut sheet, in the worst cases."""
     cases = design.statics.cases
     answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
     lines = []
-    worst = max(answers, key=lambda name: answers[name].stress.peak.stress)
-    if answers[worst].elements.bending != "hinge":
-        lines.append(_largest_stress_line(design, answers[worst], under[worst]))
     buckled = {name: answer.buckling for name, answer in answers.items() if answer.buckling is not None}
     if factors := {name: buckling.factor for name, buckling in buckled.items() if len(buckling.factor)}:
         worst = min(factors, key=lambda name: float(factors[name][0]))
         listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
         caution = "(linear, perfect shape; real shells at a fifth to a half)"
         lines.append(f"uncut sheet{under[worst]}: buckles at {listed} x the load {caution}")
-    if (vibration := answers[worst].vibration) is not None:
+    if vibration := next((answer.vibration for answer in answers.values() if answer.vibration), None):
         hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
         several = len(vibration.hertz) > 1
         lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")
     return [*lines, *mode_lines(design)]
 
 
-def _largest_stress_line(design: "Design", answers: "Answers", under: str) -> str:
-    peak, strength = answers.stress.peak, design.preset.statics.strength
-    where = ", ".join(f"{x:.3g}" for x in design.surface.centroids[peak.face] + 0.0)
-    layer = {"top": "on the top", "middle": "in the middle", "bottom": "on the bottom"}[peak.layer]
-    share = f", {peak.stress / strength:.0%} of the strength" if strength else ""
-    usual = quantile(answers.stress.largest, design.surface.areas)
-    part = f" ({usual / strength:.0%})" if strength else ""
-    return (
-        f"uncut sheet{under}: largest stress {stress_label(peak.stress)} {layer} at ({where}) m{share}, no number at "
-        f"corners, supports and forces: finer meshes raise it; on 99 % of the area {stress_label(usual)}{part}"
-    )
-
-
 def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
-    """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium."""
+    """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
+    Elements that are fit for directions only give neither compliance nor displacement."""
+    moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
-        "compliance_J": answer.compliance,
-        "largest_displacement_m": answer.largest_displacement,
+        **(moved if _is_reported(answer) else {}),
         "imbalance": answer.imbalance,
         "residual": answer.residual,
         **balance(design, load, answer),
@@ -141,7 +126,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
     facts_by_case = {}
     for name, case in design.statics.cases.items():
         factors = {} if case.factors is None else {"factors": dict(case.factors)}
-        facts = equilibrium_facts(design, case.load, case.equilibrium)
+        facts = equilibrium_facts(design, case.load, case.answers.equilibrium)
         facts_by_case[name] = {**factors, **facts, **answer_facts(design, case)}
     return facts_by_case
 
@@ -183,52 +168,3 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
             for support, part in carried
         ],
     }
-
-
-def case_lines(design: "Design") -> list[str]:
-    """Return lines on stiffness and reactions of the uncut sheet: two for a single case, else one for each case."""
-    cases = design.statics.cases
-    if len(cases) == 1:
-        (case,) = cases.values()
-        stiffness = f"uncut sheet: {_stiffness_words(case.equilibrium)}"
-        return [stiffness, _balance_words(design, case.load, case.equilibrium)]
-    followed, rule = design.preset.followed_weights, design.preset.surface.combinations
-    governing = _governing_combinations(design) if rule else {}
-    standard_names = {combination.name for combination in design.preset.surface.standard_sums}
-    lines = [
-        f"uncut sheet, {name}{'*' if name in followed else ''}: {_stiffness_words(case.equilibrium)}; "
-        f"{_balance_words(design, case.load, case.equilibrium)}"
-        for name, case in cases.items()
-        if name not in standard_names or name in governing
-    ]
-    if rule:
-        governing_words = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
-        words = f"{len(standard_names)} combinations after {rule}, the pattern follows those of ULS together"
-        return [*lines, f"{words}; {governing_words}"]
-    return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
-
-
-def _governing_combinations(design: "Design") -> dict[str, tuple[str, str]]:
-    cases, preset = design.statics.cases, design.preset
-    formulas = {combination.name: combination.formula for combination in preset.surface.sums}
-    stressed = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
-    moved = max(preset.judged_in("SLS", cases), key=lambda name: cases[name].equilibrium.largest_displacement)
-    named = {stressed: "stress is largest in", moved: "displacement in"}
-    return {name: (quantity_words, formulas.get(name, name)) for name, quantity_words in named.items()}
-
-
-def _stiffness_words(answer: "Equilibrium") -> str:
-    return f"compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most"
-
-
-def _balance_words(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
-    sums = balance(design, load, answer)
-
-    def size_words(vector: list[float]) -> str:
-        return force(vector_size(vector))
-
-    parts = ", ".join(size_words(part["reaction_N"]) for part in sums["supports"])
-    sum_of_sizes = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
-    # an arch also pushes its supports sideways, so the sizes of reactions sum to more than the loads
-    thrust = ", their thrust included" if sum_of_sizes > 1.02 * vector_size(sums["load_N"]) else ""
-    return f"loads sum to {size_words(sums['load_N'])}; supports carry {parts}{thrust}"

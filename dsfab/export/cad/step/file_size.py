@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.core.errors import ExportError, SolidError
+from dsfab.core.errors import ExportError, NotMadeError, SolidError
 from dsfab.core.limits import CHANGED_VOLUME, OFF_SURFACE
 from dsfab.core.messages import duration
 from dsfab.export.cad.step.entities import faceted_bytes
@@ -39,7 +39,7 @@ COSTS = {
 }
 
 
-class BudgetError(ExportError):
+class BudgetError(NotMadeError):
     """A STEP file has more faces or bytes than the part allows. `size` is an estimate, 0 if unknown."""
 
     def __init__(self, part: Part, faces: int, size: float = 0.0) -> None:
@@ -113,7 +113,7 @@ def no_strategy_error(refused: Sequence[BudgetError]) -> ExportError:
     """Return the error for a part if every strategy exceeds the limits, with the cost of each strategy and advice."""
     final = refused[-1]
     ways = ", ".join({error.way: error.cost for error in refused}.values())
-    return ExportError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
+    return NotMadeError(f"every STEP file of {final.part.name!r} would be {final.limit}: {ways}; {advice(final)}")
 
 
 TRIES = 6

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.core.errors import ExportError
+from dsfab.core.errors import ExportError, NotMadeError
 from dsfab.core.limits import OUTLINE, SIMPLIFIED_OFF_SURFACE
 from dsfab.export.cad.step import entities
 from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
@@ -245,7 +245,7 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
     begin = {True: "by members, ", False: ""}
     sentences = [("" if "by members" in why else begin[members]) + why for members, why in final_reasons.items()]
     tried = f" (tried too: {'; '.join(sentences)})" if sentences else ""
-    return ExportError(f"{no_strategy_error(over) if len({error.way for error in over}) > 1 else over[-1]}{tried}")
+    return NotMadeError(f"{no_strategy_error(over) if len({error.way for error in over}) > 1 else over[-1]}{tried}")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,95 @@
+"""Whether a design carries its loads, in words: the verdict, its figures, likely cures, and a table of reactions."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from dsfab.core.messages import length, mass, table
+from dsfab.study.carrying import USUAL_SPAN_SHARE
+
+if TYPE_CHECKING:
+    from dsfab.study.carrying import Carrying
+
+SHOWN_SUPPORTS = 6
+"""Number of supports in a short table of reactions; more would push the rest of a build off the screen."""
+
+NO_THRUST = 1e-3
+"""Share of the whole reaction below which a horizontal force is rounding, so that it has no direction."""
+
+
+def verdict_line(name: str, carrying: "Carrying") -> str:
+    """Return the first line of a build: whether the design carries its loads, and why not."""
+    if carrying.outcome == "not judged":
+        return f"{name} is not judged: {'; '.join(carrying.remarks)}"
+    if carrying.faults:
+        return f"{name} DOES NOT CARRY its loads: {'; '.join(carrying.faults)}"
+    return f"{name} carries its loads"
+
+
+def cure_line(carrying: "Carrying") -> str:
+    """Return the likely cure of a design that does not carry; '' for any other."""
+    if not carrying.faults:
+        return ""
+    thicker = f"thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
+    return f"likely cure: {thicker}, more material (--set pattern.width.solid_fraction=...), or other supports"
+
+
+def figure_lines(carrying: "Carrying") -> Iterator[str]:
+    """Yield lines on the most used member, the movement, buckling and the mass, all of the cut structure."""
+    use, moved = carrying.use, carrying.movement
+    several = len({row.case for row in carrying.reactions}) > 1
+    if use:
+        under = f", {use.case}" if several else ""
+        yield f"  most used   {use.member} at {_point(use.place)}: {use.value:.0%} ({use.check}){under}"
+    if moved:
+        under = f", {moved.case}" if several else ""
+        share = f"1/{1 / moved.share:.0f}" if moved.share > 0 else "0"
+        words = f"{length(moved.value)} at {_point(moved.place)}, {share} of the span {length(moved.span)}"
+        yield f"  movement    {words} ({moved.about}){under}"
+    if carrying.buckling is not None:
+        under = f", {carrying.buckling_case}" if several else ""
+        yield f"  buckling    at {carrying.buckling:.3g} times the load{under}, of a perfect shape"
+    yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
+
+
+def carrying_notes(carrying: "Carrying") -> Iterator[str]:
+    """Yield what a user should know about the figures: a large movement, missing figures and assumptions."""
+    moved = carrying.movement
+    if moved and moved.share > 1 / USUAL_SPAN_SHARE:
+        yield f"it moves by 1/{1 / moved.share:.0f} of its span; 1/{USUAL_SPAN_SHARE} is usual, by agreement"
+    if carrying.outcome != "not judged":
+        yield from carrying.remarks
+
+
+def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) -> list[str]:
+    """Return a table of reactions from `carrying.reactions` of `design.json`: what each support pushes, kN.
+    every : True for each case; else the case with the largest reaction of each support, of the largest supports."""
+    rows, several = list(reactions), len({row["case"] for row in reactions}) > 1
+    if not every:
+        largest: dict[str, Mapping[str, Any]] = {}
+        for row in rows:
+            if _size(row) >= _size(largest.get(row["support"], row)):
+                largest[row["support"]] = row
+        rows = list(largest.values())
+    rest = max(0, len(rows) - SHOWN_SUPPORTS) if not every else 0
+    if rest:
+        rows = sorted(rows, key=_size, reverse=True)[:SHOWN_SUPPORTS]
+    if not rows:
+        return []
+    head = ("support pushes", *(("case",) if several else ()), "V up, kN", "H, kN", "H towards")
+    lines = table(head, [_reaction_row(row, several) for row in rows]).split("\n")
+    return [*lines, f"and {rest} more supports, in design.json"] if rest else lines
+
+
+def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
+    level = row["horizontal"] > NO_THRUST * _size(row)
+    sizes = f"{row['vertical'] / 1e3:.3g}", f"{row['horizontal'] / 1e3:.3g}" if level else "0"
+    direction = f"{row['direction']:.0f} deg" if level else "-"
+    return row["support"], *((row["case"],) if several else ()), *sizes, direction
+
+
+def _size(row: Mapping[str, Any]) -> float:
+    return float(row["vertical"] ** 2 + row["horizontal"] ** 2) ** 0.5
+
+
+def _point(place: Sequence[float]) -> str:
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"
