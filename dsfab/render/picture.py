@@ -76,20 +76,6 @@ def picture(
     cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
-    return render_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
-
-
-def render_picture(
-    V: ArrayLike,
-    F: ArrayLike,
-    *,
-    surface: Surface | None = None,
-    load: LoadCase | None = None,
-    family: ArrayLike | None = None,
-    caption: str = "",
-    look: Look = DEFAULT_LOOK,
-) -> Bytes:
-    """Return `picture` without the test of this machine: if VTK cannot draw, it ends the process."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")

@@ -1,6 +1,6 @@
 """The surroundings of a structure in a picture for clients: its supports as parts of a building, and the ground."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -10,6 +10,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
+from dsfab.render.light import frame_towards
 from dsfab.render.marks import MarkMesh, Spacing, joined, support_side, thin_points
 from dsfab.surface import LoadCase, Surface, half_edges
 
@@ -21,11 +22,11 @@ COLUMN_EXTENT = 0.08  # largest extent in plan, over the structure's size, of a 
 LOW_SHARE = 0.25  # supports below this share of the structure's height carry it from below, even those on one side
 STEEP = 0.2  # least slope up to a support from which the structure hangs
 UPRIGHT = 3.0  # least height over extent in plan of a support along an upright edge
-CORNERS = 16  # number of corners of a round column
+CORNERS, MOST_PARTS = 12, 40  # number of corners of a round column, and largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
+HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
-HANGER_SPACING, COLUMN_SPACING = Spacing(0.05, 12), Spacing(0.12, 40)
-WIDTH, FOOTING_WIDTH, ROD_WIDTH = 0.01, 0.02, 0.004
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
 """Least width of columns and walls, of those as low as a footing, and of hangers, over the structure's size."""
 
 
@@ -121,82 +122,47 @@ def support_part(surface: Surface, support: Support, half: float, ground: float)
     """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
     begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # at the skin of the structure
-    first, last = float(begin[among].min()), float(begin[among].max())
+    last, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
-        wide = _extent(surface.V[among], along) > COLUMN_EXTENT * size
-        places = surface.V[among[thin_points(surface.V[among], size, HANGER_SPACING)]] if wide else surface.V[among]
-        groups = places[:, None] if wide else [places.mean(axis=0)[None]]
-        return joined(
-            [_prism(place, along, (last, last + HANGER_LENGTH * size), ROD_WIDTH / 2 * size) for place in groups]
-        )
+        return _prisms(V, _thinned(V, among, HANGERS * size), along, begin, last + HANGER_LENGTH * size, ROD * size)
     end = last + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
     width = max((FOOTING_WIDTH if end - last < 2 * PLINTH * size else WIDTH) * size, 2 * half)
-    beside, V = bool(support.outwards.any()), surface.V.copy()
-    V[among] += support.outwards * (half + width / 2)
-    edges = support.edges[_extends_across(surface.V, support.edges, along)]
+    if support.outwards.any():  # beside the structure, and as high as the support
+        V[among] += support.outwards * (half + width / 2)
+        begin[among] = begin[among].min() if support.kind == "column" else begin[among]
+    direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])
+    edges = support.edges[np.abs(direction @ along) < 0.9]
     if support.kind == "column" or not len(edges):
-        return _prism(V[among], along, (first if beside else last, end), width / 2)
+        return _prisms(V, [among], along, begin, end, width)
     if support.kind == "abutment" or end - last < TALL:
-        return _strip(V, edges, along, begin, np.full(surface.n, end), width)
-    beam = begin + 2 * width
-    beam_mesh = _strip(V, edges, along, begin, beam, width)
-    places = np.unique(edges)[thin_points(V[np.unique(edges)], size, COLUMN_SPACING)]
-    return joined([beam_mesh, *(_prism(V[[k]], along, (float(beam[k]), end), width / 2) for k in places)])
+        return _prisms(V, edges, along, begin, end, width)
+    beam = _prisms(V, edges, along, begin, begin + 2 * width, width)
+    return joined([beam, _prisms(V, _thinned(V, np.unique(edges), COLUMNS * size), along, begin + width, end, width)])
 
 
-def _extends_across(V: Floats, edges: Ints, axis: Floats) -> Bools:
-    direction = unit_vectors(V[edges[:, 1]] - V[edges[:, 0]])
-    return np.asarray(np.abs(direction @ axis) < 0.9)
+def _thinned(V: Floats, among: Ints, apart: float) -> list[Ints]:
+    """Return vertices (1,) each among some vertices, about `apart` metres from each other."""
+    points = V[among]
+    return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
 
 
-def _prism(points: Floats, axis: Floats, ends: tuple[float, float], radius: float) -> MarkMesh:
-    """Return a prism around points (k, 3) along an axis (3,), between two heights on it; its corners are round."""
-    frame = _square_frame(axis)
-    turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
-    circle = radius * np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    plan = (points @ frame[:2].T)[:, None] + circle
-    plan = plan.reshape(-1, 2)
-    plan = plan[ConvexHull(plan).vertices]  # counter-clockwise
-    count = len(plan)
-    V = np.concatenate([np.column_stack([plan, np.full(count, end)]) for end in ends]) @ frame
-    low, fan = np.arange(count), np.arange(1, count - 1)
-    high = np.roll(low, -1)
-    sides = [np.stack([low, high, high + count], axis=1), np.stack([low, high + count, low + count], axis=1)]
-    caps = [np.stack([0 * fan, fan + 1, fan], axis=1), np.stack([0 * fan, fan, fan + 1], axis=1) + count]
-    return V, np.concatenate([*sides, *caps])
-
-
-def _square_frame(axis: Floats) -> Floats:
-    across = unit_vectors(np.cross(np.eye(3)[np.argmin(np.abs(axis))], axis)[None])[0]
-    return np.stack([across, np.cross(axis, across), axis])
-
-
-def _strip(V: Floats, edges: Ints, axis: Floats, begin: Floats, end: Floats, width: float) -> MarkMesh:
-    """Return a wall along edges (e, 2) of vertices V (n, 3), between two heights (n,) of each vertex on an axis.
-    Walls of edges that meet are joined by a mitre.
+def _prisms(
+    V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
+) -> MarkMesh:
+    """Return a prism with round corners around each group of vertices of V (n, 3), from the height `begin` (n,) of each
+    vertex along an axis (3,) to its height `end`.
     """
-    used, edges = np.unique(edges, return_inverse=True)
-    edges, points = edges.reshape(-1, 2), V[used]
-    flat = points - np.outer(points @ axis, axis)
-    side = unit_vectors(np.cross(axis, flat[edges[:, 1]] - flat[edges[:, 0]]))
-    mitre = unit_vectors(group_sums(edges.ravel(), np.repeat(side, 2, axis=0), len(used)))
-    cosine = np.einsum("ei,ei->e", mitre[edges[:, 0]], side), np.einsum("ei,ei->e", mitre[edges[:, 1]], side)
-    least = np.full(len(used), 1.0)
-    for k in (0, 1):
-        np.minimum.at(least, edges[:, k], cosine[k])
-    offset = mitre * (width / 2 / np.maximum(least, 0.5))[:, None]
-    rows = [
-        flat + sign * offset + np.multiply.outer(height, axis)
-        for height in (begin[used], end[used])
-        for sign in (1, -1)
-    ]
-    a, b, n = edges[:, 0], edges[:, 1], len(used)
-    quads = [(0, 1), (1, 3), (3, 2), (2, 0)]
-    faces = [
-        np.stack(t, axis=1)
-        for i, j in quads
-        for t in ((a + i * n, b + i * n, b + j * n), (a + i * n, b + j * n, a + j * n))
-    ]
-    tips = np.flatnonzero(np.bincount(edges.ravel(), minlength=n) == 1)
-    caps = [np.stack(t, axis=1) for t in ((tips, tips + n, tips + 3 * n), (tips, tips + 3 * n, tips + 2 * n))]
-    return np.concatenate(rows), np.concatenate([*faces, *caps])
+    frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
+    turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()
+    for group in groups:
+        plan = ((V[group] @ frame[:2].T)[:, None] + circle).reshape(-1, 2)
+        outline = ConvexHull(plan).vertices  # counter-clockwise
+        heights, count = ends[:, group[outline // CORNERS]], len(outline)
+        corners = np.concatenate([np.column_stack([plan[outline], height]) for height in heights]) @ frame
+        low, fan = np.arange(count), np.arange(1, count - 1)
+        high = np.roll(low, -1)
+        sides = [(low, high, high + count), (low, high + count, low + count)]
+        caps = [(0 * fan, fan + 1, fan), (0 * fan + count, fan + count, fan + count + 1)]
+        meshes.append((corners, np.concatenate([np.stack(face, axis=1) for face in (*sides, *caps)])))
+    return joined(meshes)
