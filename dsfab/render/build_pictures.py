@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, area_vectors, unit_vectors
 from dsfab.core.errors import DsfabError
 from dsfab.render.colouring import Colouring, with_bar
 from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person, render_stage, set_stage
@@ -80,7 +80,9 @@ class ClientPicture:
         level = ground_level(surface, supports, up, self.half)
         bodies = [Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)]
         if parts := [support_part(surface, support, self.half, level) for support in supports]:
-            bodies.append(Body(*joined(parts), palette.colour_bytes("masonry"), casts=True))
+            mesh = joined(parts)
+            facing = np.repeat(unit_vectors(area_vectors(*mesh))[:, None], 3, axis=1).astype(np.float32)
+            bodies.append(Body(*mesh, palette.colour_bytes("masonry"), casts=True, normals=facing))
         V = np.concatenate([body.V for body in bodies])
         low, high = V.min(axis=0), V.max(axis=0)
         centre = (low + high) / 2
