@@ -13,7 +13,7 @@ from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person
 from dsfab.render.fabrication import Callout, with_callouts
 from dsfab.render.lettering import Legend, Palette, length_label, with_legend
 from dsfab.render.light import ROUGH
-from dsfab.render.marks import PENCIL_LENGTH, joined, pencil, place_beside
+from dsfab.render.marks import PENCIL_LENGTH, joint_mesh, pencil, place_beside
 from dsfab.render.picture import Look, StructurePicture
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.surroundings import building_supports, ground_level, support_part
@@ -65,7 +65,7 @@ class ClientPicture:
 
     @property
     def is_small(self) -> bool:
-        """Whether a pencil shows the scale, because a person would dwarf the model."""
+        """True if a pencil shows the scale, because a person would dwarf the model."""
         return self.surface.size < SMALLEST_BUILDING
 
     @cached_property
@@ -80,7 +80,7 @@ class ClientPicture:
         level = ground_level(surface, supports, up, self.half)
         bodies = [Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)]
         if parts := [support_part(surface, support, self.half, level) for support in supports]:
-            mesh = joined(parts)
+            mesh = joint_mesh(parts)
             facing = np.repeat(unit_vectors(area_vectors(*mesh))[:, None], 3, axis=1).astype(np.float32)
             bodies.append(Body(*mesh, palette.colour_bytes("masonry"), casts=True, normals=facing))
         V = np.concatenate([body.V for body in bodies])
@@ -144,18 +144,18 @@ class AnalysisPicture:
 
     def render(self) -> Bytes:
         """Return (height, width, 3) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
-        left, faces = self.loaded, self.faces
-        size, palette = left.look.size, left.look.palette
-        body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(left.annotations, layers=())
-        stage = set_stage(body, left.side, left.up, left.half, annotations, palette, size)
+        loaded, faces = self.loaded, self.faces
+        size, palette = loaded.look.size, loaded.look.palette
+        body, annotations = Body(self.V, self.F, faces.face, casts=True), replace(loaded.annotations, layers=())
+        stage = set_stage(body, loaded.side, loaded.up, loaded.half, annotations, palette, size)
         half = 0.86 * size[0] / size[1]
-        stage = replace(stage, view=fit_view(self.V, left.side, (-half, half, -0.6, 0.6)))  # room for bar and notes
+        stage = replace(stage, view=fit_view(self.V, loaded.side, (-half, half, -0.6, 0.6)))  # room for bar and notes
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, PANEL_LIGHT)
         image = with_legend(image, legend(stage, faces.words, palette, size), palette)
         image = with_bar(image, faces.bar, palette) if faces.bar else image
         image = with_callouts(image, self.callouts, stage.view, palette)
-        return np.concatenate([left.render(PANEL_LIGHT), np.asarray(image)], axis=1)
+        return np.concatenate([loaded.render(PANEL_LIGHT), np.asarray(image)], axis=1)
 
 
 def _write_title(panel: "Image", name: str, view: View, stage: Stage, palette: Palette) -> None:

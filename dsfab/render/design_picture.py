@@ -60,8 +60,8 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
     loaded = replace(loaded, caption=f"{design.preset.name} - loads of {force_label(total)}, and supports", look=look)
     before = f"{judged.outcome}: " if judged.faults else ""
     if judged.stress is None:
-        plain = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))
-        faces = Colouring(plain, words=before + "; ".join(judged.faults))
+        uncoloured = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))
+        faces = Colouring(uncoloured, words=before + "; ".join(judged.faults))
     elif strength:
         words = f"{before}cut sheet, stress over a strength of {stress_label(strength)}"
         faces = utilisation_colouring(judged.stress / strength, words)

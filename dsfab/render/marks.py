@@ -205,7 +205,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     around = enumerate(np.linspace(0, np.pi, 9))
     ball = _body_of_revolution([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in around])
     crown = _placed_copies(ball, foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
-    return joined([trunk, crown])
+    return joint_mesh([trunk, crown])
 
 
 def place_beside(V: Floats, towards: Floats, up: Floats, level: float) -> tuple[Floats, Floats]:
@@ -231,10 +231,10 @@ def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     return _placed_copies(wood, (foot + PENCIL_WIDTH / 2 * up)[None], along[None], np.array([PENCIL_LENGTH]))
 
 
-def joined(meshes: Sequence[MarkMesh]) -> MarkMesh:
+def joint_mesh(meshes: Sequence[MarkMesh]) -> MarkMesh:
     """Return several meshes, at least one, as one mesh."""
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    faces = [faces + start for (_, faces), start in zip(meshes, first[:-1], strict=True)]
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    faces = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
     return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 

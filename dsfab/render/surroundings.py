@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.render.light import frame_towards
-from dsfab.render.marks import MarkMesh, Spacing, joined, support_side, thin_points
+from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
 from dsfab.surface import LoadCase, Surface, half_edges
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
@@ -22,6 +22,7 @@ COLUMN_EXTENT = 0.08  # largest extent in plan, over the structure's size, of a 
 LOW_SHARE = 0.25  # supports below this share of the structure's height carry it from below, even those on one side
 STEEP = 0.2  # least slope up to a support from which the structure hangs
 UPRIGHT = 3.0  # least height over extent in plan of a support along an upright edge
+SOIL_SHARE = 0.5  # least supported share of the area of a slab on soil
 CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
@@ -31,7 +32,7 @@ WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
 
 
 @dataclass(frozen=True, eq=False)
-class Support:
+class SupportPart:
     """Connected support: its vertices (k,), its boundary edges (e, 2) as vertex indices, and the part that it becomes.
     along    : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure.
@@ -44,21 +45,21 @@ class Support:
     outwards: Floats
 
 
-def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Support]:
+def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
     """Return the connected supports as parts of a building. up : (3,) unit vector. Their kinds follow from geometry:
     inner supports from which the structure falls away are hangers, and supports on one side of it are abutments.
     Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts.
     """
-    held = _carried(load, up)
-    if not held.any() or held.mean() > 0.5:
+    supported = _upward_supports(load, up)
+    if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
-    label, inner = _connected(surface, held), _from_free_neighbours(surface, held)
-    groups = [np.flatnonzero(held & (label == number)) for number in np.unique(label[held])]
+    label, inner = _components(surface, supported), _from_free_neighbours(surface, supported)
+    groups = [np.flatnonzero(supported & (label == number)) for number in np.unique(label[supported])]
     side = _open_side(surface, load, groups, up)
     outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
     borders = np.stack([ends[surface.edges.outline] for ends in half_edges(surface.F)], axis=1)
-    borders = borders[held[borders].all(axis=1)]
-    supports = list[Support]()
+    borders = borders[supported[borders].all(axis=1)]
+    supports = list[SupportPart]()
     for group in groups:
         edges, towards, points = borders[label[borders[:, 0]] == label[group[0]]], inner[group], surface.V[group]
         extent, is_high = _extent(points, up), float((towards @ up).mean()) > STEEP
@@ -68,9 +69,9 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
             kind, along = "abutment", side
         else:
             kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
-        beside = along is not up and side is None and (is_high or np.ptp(points @ up) > UPRIGHT * extent)
-        outwards = unit_vectors(towards - np.outer(towards @ up, up)) if beside else np.zeros_like(points)
-        supports.append(Support(kind, group, edges, along, outwards))
+        is_beside = along is not up and side is None and (is_high or np.ptp(points @ up) > UPRIGHT * extent)
+        outwards = unit_vectors(towards - np.outer(towards @ up, up)) if is_beside else np.zeros_like(points)
+        supports.append(SupportPart(kind, group, edges, along, outwards))
     return supports
 
 
@@ -81,23 +82,23 @@ def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats)
     return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
 
 
-def _carried(load: LoadCase, up: Floats) -> Bools:
+def _upward_supports(load: LoadCase, up: Floats) -> Bools:
     """Return supported vertices (n,), without those that hold sideways only, as at a plane of symmetry."""
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)
 
 
-def _connected(surface: Surface, held: Bools) -> Ints:
-    a, b = surface.edges.ends[held[surface.edges.ends].all(axis=1)].T
+def _components(surface: Surface, supported: Bools) -> Ints:
+    a, b = surface.edges.ends[supported[surface.edges.ends].all(axis=1)].T
     graph = coo_array((np.ones(len(a)), (a, b)), shape=(surface.n, surface.n))
     return np.asarray(connected_components(graph, directed=False)[1])
 
 
-def _from_free_neighbours(surface: Surface, held: Bools) -> Floats:
+def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
     """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without any."""
-    ends = surface.edges.ends[held[surface.edges.ends].sum(axis=1) == 1]
-    ends = np.where(held[ends[:, :1]], ends, ends[:, ::-1])
+    ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
+    ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
     sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
     return np.asarray(sums / np.maximum(np.bincount(ends[:, 0], minlength=surface.n), 1)[:, None])
 
@@ -107,7 +108,7 @@ def _extent(points: Floats, axis: Floats) -> float:
     return float(np.linalg.norm(np.ptp(points - np.outer(points @ axis, axis), axis=0)))
 
 
-def ground_level(surface: Surface, supports: Sequence[Support], up: Floats, half: float) -> float:
+def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
     """Return the height of the ground (m): 0 below a structure that is drawn with headroom, else that of its lowest
     point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m).
     """
@@ -118,15 +119,17 @@ def ground_level(surface: Surface, supports: Sequence[Support], up: Floats, half
     return lowest - (min(HEADROOM, 0.3 * size) if hangs else PLINTH * size)
 
 
-def support_part(surface: Surface, support: Support, half: float, ground: float) -> MarkMesh:
+def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
     """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
     size, along, among = surface.size, support.along, support.vertices
     begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # at the skin of the structure
-    last, V = float(begin[among].max()), surface.V.copy()
+    deepest, V = float(begin[among].max()), surface.V.copy()
     if support.kind == "hanger":
-        return _prisms(V, _thinned(V, among, HANGERS * size), along, begin, last + HANGER_LENGTH * size, ROD * size)
-    end = last + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
-    width = max((FOOTING_WIDTH if end - last < 2 * PLINTH * size else WIDTH) * size, 2 * half)
+        return _prisms(
+            V, _spaced_vertices(V, among, HANGERS * size), along, begin, deepest + HANGER_LENGTH * size, ROD * size
+        )
+    end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
+    width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
     if support.outwards.any():  # beside the structure, and as high as the support
         V[among] += support.outwards * (half + width / 2)
         begin[among] = begin[among].min() if support.kind == "column" else begin[among]
@@ -134,13 +137,15 @@ def support_part(surface: Surface, support: Support, half: float, ground: float)
     edges = support.edges[np.abs(direction @ along) < 0.9]
     if support.kind == "column" or not len(edges):
         return _prisms(V, [among], along, begin, end, width)
-    if support.kind == "abutment" or end - last < TALL:
+    if support.kind == "abutment" or end - deepest < TALL:
         return _prisms(V, edges, along, begin, end, width)
     beam = _prisms(V, edges, along, begin, begin + 2 * width, width)
-    return joined([beam, _prisms(V, _thinned(V, np.unique(edges), COLUMNS * size), along, begin + width, end, width)])
+    return joint_mesh(
+        [beam, _prisms(V, _spaced_vertices(V, np.unique(edges), COLUMNS * size), along, begin + width, end, width)]
+    )
 
 
-def _thinned(V: Floats, among: Ints, apart: float) -> list[Ints]:
+def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
     """Return vertices (1,) each among some vertices, about `apart` metres from each other."""
     points = V[among]
     return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
@@ -165,4 +170,4 @@ def _prisms(
         sides = [(low, high, high + count), (low, high + count, low + count)]
         caps = [(0 * fan, fan + 1, fan), (0 * fan + count, fan + count, fan + count + 1)]
         meshes.append((corners, np.concatenate([np.stack(face, axis=1) for face in (*sides, *caps)])))
-    return joined(meshes)
+    return joint_mesh(meshes)
