@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.build_page import BuildPage, Output
-from dsfab.app.exit_codes import ExitCode
+from dsfab.app.build_page import USUAL, BuildPage, Output
 from dsfab.app.export import ALIASES, CALCULIX, CALCULIX_SUFFIX, format_suffix
 from dsfab.app.options import NO_FLAGS, UNCHANGED, Source, StepFlags, estimate_step
-from dsfab.app.terminal import Reporter
+from dsfab.app.terminal import ExitCode, Reporter
 from dsfab.core.errors import ExportError, NotMadeError
 
 if TYPE_CHECKING:
@@ -87,7 +86,7 @@ def build(
         bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
     pictures: PictureFlags = PictureFlags(),
-    output: Output = Output(),
+    output: Output = USUAL,
 ) -> int:
     """Build a preset: verdict, picture, solid, sheet and numbers, in one folder.
 

@@ -36,6 +36,9 @@ class Output:
     ] = False
 
 
+USUAL = Output()
+
+
 class BuildPage:
     """Prints the results of a build as soon as they are known, and counts the lines. faulty : does not carry."""
 

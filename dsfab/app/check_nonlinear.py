@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.exit_codes import ExitCode
 from dsfab.app.export import built_design, preset_and_folder
 from dsfab.app.options import Source
-from dsfab.app.terminal import Reporter, print_lines, print_result, signals_as_interrupts
+from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result, signals_as_interrupts
 from dsfab.core.messages import length
 
 if TYPE_CHECKING:

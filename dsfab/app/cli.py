@@ -1,6 +1,6 @@
 """The command line. Only this module prints errors and exits.
 
-Exit codes: see `dsfab.app.exit_codes`."""
+Exit codes: see `dsfab.app.terminal.ExitCode`."""
 
 import gc
 import os
@@ -17,7 +17,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, RepeatArgumentError
 
 from dsfab import __version__
-from dsfab.app.exit_codes import ExitCode
+from dsfab.app.terminal import ExitCode
 from dsfab.core.errors import DsfabError, NotMadeError
 
 LISTS = ("-f", "--format", "--against")  # Options that take several values with commas.
@@ -80,7 +80,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except DsfabError as error:
         return _fail(ExitCode.REFUSED, str(error))
     except KeyboardInterrupt:
-        return _fail(ExitCode.INTERRUPTED, "stopped; nothing was written")
+        return _fail(ExitCode.INTERRUPTED, "stopped; no file is half written")
     except BrokenPipeError:  # a reader such as `dsfab presets | head` closes the pipe
         sys.stderr.close()
         return ExitCode.DONE

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.terminal import Reporter, print_result
+from dsfab.app.terminal import ExitCode, Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
 from dsfab.core.messages import value_with_bound as bounded

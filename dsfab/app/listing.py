@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Source
-from dsfab.app.terminal import Reporter, print_lines, print_result
+from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.core.messages import length
 from dsfab.report.design.carrying import reaction_lines

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.exit_codes import ExitCode
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
-from dsfab.app.terminal import print_result
+from dsfab.app.terminal import ExitCode, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.toml_files import TomlError, shipped_presets, toml_table
 

@@ -145,10 +145,8 @@ def _note_answers(
     named_answers: Sequence[tuple[str, Answers]], requested: ResultRequest, sheet: Statics, surface: Surface, log: Log
 ) -> None:
     elements = named_answers[0][1].elements
-    if requested and requested.elements_for(sheet.elements) != sheet.elements:
-        why = "hinge bending is fit for directions only"
-        if sheet.bending != "hinge":
-            why = f"{sheet.elements} elements are not accurate enough for reports"
+    if requested and sheet.bending != "hinge" and requested.elements_for(sheet.elements) != sheet.elements:
+        why = f"{sheet.elements} elements are not accurate enough for reports"
         log.note("statics", f"stress, energy, frequencies and buckling are those of {elements} elements: {why}")
     facets = facet_number(surface, sheet.thickness)
     if requested and elements.bending == "hhj" and facets > FACETS:

@@ -44,6 +44,8 @@ Place = tuple[float, float, float]
 USUAL_SPAN_SHARE = 300
 """A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
 
+NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
+
 BUCKLED_CASES = 3
 """Number of cases and combinations whose buckling is computed: those with the largest compression. Each costs as much
 as a solve, and a standard gives up to 40 combinations, most of which are a smaller share of another."""
@@ -79,13 +81,15 @@ class Movement:
 @dataclass(frozen=True)
 class SupportForce:
     """Force of a support on the structure in a case. vertical : newtons, positive if it pushes up. horizontal :
-    newtons. direction : degrees from the first horizontal axis (x) to the second (y), in which the support pushes."""
+    newtons. direction : degrees from the first horizontal axis (x) to the second (y), in which the support pushes.
+    thrust : newtons, the sum of the horizontal forces at all vertices, which in a ring or two walls cancel out."""
 
     support: str
     case: str
     vertical: float
     horizontal: float
     direction: float
+    thrust: float
 
 
 Outcome = Literal["carries", "does not carry", "not judged"]
@@ -94,13 +98,13 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 @dataclass(frozen=True)
 class Carrying:
     """Whether a cut structure carries its loads, with the figures behind it.
-    use      : None without a strength, and for a structure that does not stand.
+    use      : None without a strength, which also leaves buckling out, and for a structure that does not stand.
     movement : None for a structure that does not stand.
     buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
     buckling_case : its case; ''.
     mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
     faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
-    stress   : (m,) von Mises stress of each face of the cut sheet in the case of the most used member, Pa."""
+    stress   : (m,) von Mises stress of each face of the cut sheet in the case of the most used member, or the first case, Pa."""
 
     thickness: float
     mass: float
@@ -115,7 +119,7 @@ class Carrying:
 
     @property
     def outcome(self) -> Outcome:
-        """Whether the structure carries; not judged without a strength, unless it fails in another way."""
+        """Whether the structure carries; not judged without a strength."""
         if self.faults:
             return "does not carry"
         return "carries" if self.use else "not judged"
@@ -179,7 +183,10 @@ def _carrying(design: Design) -> Carrying:
     try:
         return cut_carrying(cut_statics(design, thickness))
     except StaticsError as error:
-        return Carrying(thickness, _mass(design, thickness), faults=(f"the cut sheet does not stand: {error}",))
+        why = f"the cut sheet does not stand: {error}"
+        if not design.preset.statics.strength:
+            return Carrying(thickness, _mass(design, thickness), remarks=(NO_STRENGTH, why))
+        return Carrying(thickness, _mass(design, thickness), faults=(why,))
 
 
 def cut_loads(design: Design, thickness: float) -> dict[str, LoadCase]:
@@ -225,17 +232,18 @@ def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
     """Return whether a solved cut sheet carries its loads. buckles : False to skip buckling, which costs a solve.
     The most used member is that of the Eurocode for the material; without one, or without a member between two nodes,
     it is the von Mises stress over the strength that 99 % of the area does not exceed."""
+    moved, rows, mass = _movement(statics), _reactions(statics), _mass(statics.design, statics.thickness)
+    if not statics.preset.statics.strength:
+        stress = statics.stress(statics.preset.judged_in("ULS", statics.answers)[0]).largest
+        return Carrying(statics.thickness, mass, None, moved, reactions=rows, remarks=(NO_STRENGTH,), stress=stress)
     use, remarks = _most_used(statics)
     factor, case, aside = _buckling(statics) if buckles else (None, "", ())
-    moved = _movement(statics)
     faults = []
-    if use and use.value > 1:
+    if use.value > 1:
         faults.append(f"{use.member} is used to {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"it buckles at {factor:.2g} times its load")
-    rows = _reactions(statics)
-    mass = _mass(statics.design, statics.thickness)
-    stress = statics.stress(use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]).largest
+    stress = statics.stress(use.case).largest
     return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside), stress)
 
 
@@ -243,7 +251,7 @@ def _mass(design: Design, thickness: float) -> float:
     return float(design.sheet.surface.area * thickness * design.preset.statics.density)
 
 
-def _most_used(statics: CutStatics) -> tuple[MemberUse | None, tuple[str, ...]]:
+def _most_used(statics: CutStatics) -> tuple[MemberUse, tuple[str, ...]]:
     from dsfab.members.eurocode import STEEL, TIMBER
 
     preset = statics.preset
@@ -253,8 +261,6 @@ def _most_used(statics: CutStatics) -> tuple[MemberUse | None, tuple[str, ...]]:
         except StaticsError as error:
             use = _most_stressed(statics)
             return use, (f"members are not checked by their standard: {error}",)
-    if not preset.statics.strength:
-        return None, ("the preset has no material and no strength; set statics.material to judge the structure",)
     return _most_stressed(statics), ()
 
 
@@ -381,9 +387,11 @@ def _reactions(statics: CutStatics) -> tuple[SupportForce, ...]:
     rows = []
     for support, share in zip(support_names(supports), shares, strict=True):
         for case, answer in statics.answers.items():
-            R = (answer.reaction * share).sum(axis=0)
-            direction = float(np.degrees(np.arctan2(R[across], R[along])))
-            rows.append(SupportForce(support, case, float(R[up]), float(np.hypot(R[along], R[across])), direction))
+            forces = answer.reaction * share
+            R = forces.sum(axis=0)
+            level, direction = np.hypot(R[along], R[across]), np.degrees(np.arctan2(R[across], R[along]))
+            thrust = np.hypot(forces[:, along], forces[:, across]).sum()
+            rows.append(SupportForce(support, case, *(float(x) for x in (R[up], level, direction, thrust))))
     return tuple(rows)
 
 

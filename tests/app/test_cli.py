@@ -29,8 +29,9 @@ QUICK = ["--set", "surface.edge=0.9", "--format", "stl,ply", "--no-picture"]
 
 def test_build_writes_all_files_and_prints_a_summary(capsys, tmp_path):
     folder = tmp_path / "out"
-    code, out, err = run(capsys, "build", "dome", *QUICK, "-o", str(folder))
+    code, out, err = run(capsys, "build", "dome", *QUICK, "--verbose", "-o", str(folder))
     assert code == 0
+    assert out.startswith("dome carries its loads\n")
     assert sorted(path.name for path in folder.iterdir()) == [
         "design.json", "design.npz", "dome.ply", "dome.stl", "preset.toml", "sheet.ply",
     ]  # fmt: skip
@@ -385,7 +386,7 @@ def test_ctrl_c_stops_a_build_with_one_line_and_leaves_no_files(tmp_path):
     _, err = process.communicate(timeout=60)
     assert begun.startswith("surface")
     assert process.returncode == 130
-    assert "stopped; nothing was written" in err
+    assert "stopped; no file is half written" in err
     assert "Traceback" not in err
     assert list(tmp_path.iterdir()) == []
 
@@ -415,7 +416,7 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
         "repaired": [],
         "dropped": ["1 face with fewer than three corners", "1 vertex without a face"],
     }
-    assert "note (surface): cap.obj, dropped: 1 vertex without a face" in said
+    assert "you should know:\n  cap.obj, dropped: 1 vertex without a face" in said
     assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
 
 

@@ -10,7 +10,6 @@ from dsfab.diffusion import combined_stress, diffusion_tensors
 from dsfab.pattern import relative_stresses
 from dsfab.preset.file import preset_toml, with_overrides
 from dsfab.report.design.facts import design_facts
-from dsfab.report.design.statics import case_lines
 from dsfab.statics import (
     Elements,
     Material,
@@ -284,16 +283,12 @@ def test_each_load_case_reports_its_balance(design):
     assert list(told["cases"]) == list(design.statics.cases)
     assert told["followed"] == {"winter": 1.0, "storm": 1.0}
     assert told["cases"]["winter"]["factors"] == WINTER["factors"]
-    for name, case in told["cases"].items():
+    for case in told["cases"].values():
         assert_allclose(case["reaction_N"], -np.array(case["load_N"]), atol=1e-6 * np.abs(case["load_N"]).max())
         assert case["supports"][0]["reaction_N"] == pytest.approx(case["reaction_N"])
-        assert case["compliance_J"] == design.statics.cases[name].equilibrium.compliance
+        assert "compliance_J" not in case, "the elements of the paper are fit for directions only"
     plan = np.pi * 36
     assert told["cases"]["snow"]["load_N"][2] == pytest.approx(-1000 * plan, rel=0.05)
-    lines = case_lines(design)
-    assert len(lines) == 7
-    assert [line.split(":")[0] for line in lines[4:6]] == ["uncut sheet, winter*", "uncut sheet, storm*"]
-    assert lines[-1] == "* the pattern follows these together"
 
 
 @pytest.mark.slow

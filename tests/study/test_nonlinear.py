@@ -272,7 +272,7 @@ def test_an_interrupted_command_leaves_no_files_or_processes(endless, number):
     while not (endless.exists() and endless.read_text()) and time.monotonic() < end:
         time.sleep(0.05)
     run.send_signal(number)
-    assert "stopped; nothing was written" in run.communicate(timeout=60)[1]
+    assert "stopped; no file is half written" in run.communicate(timeout=60)[1]
     assert run.returncode == 130
 
 

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 SHOWN_SUPPORTS = 6
 """Number of supports in a short table of reactions; more would push the rest of a build off the screen."""
 
-NO_THRUST = 1e-3
-"""Share of the whole reaction below which a horizontal force is rounding, so that it has no direction."""
+LEVEL = 1e-3
+"""Share of the whole reaction below which a thrust is rounding: supports of a plate under its weight push up alone."""
 
 
 def verdict_line(name: str, carrying: "Carrying") -> str:
@@ -29,8 +29,8 @@ def cure_line(carrying: "Carrying") -> str:
     """Return the likely cure of a design that does not carry; '' for any other."""
     if not carrying.faults:
         return ""
-    thicker = f"thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
-    return f"likely cure: {thicker}, more material (--set pattern.width.solid_fraction=...), or other supports"
+    thicker = f"make it thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
+    return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or support it otherwise"
 
 
 def figure_lines(carrying: "Carrying") -> Iterator[str]:
@@ -81,14 +81,17 @@ def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) 
 
 
 def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
-    level = row["horizontal"] > NO_THRUST * _size(row)
-    sizes = f"{row['vertical'] / 1e3:.3g}", f"{row['horizontal'] / 1e3:.3g}" if level else "0"
-    direction = f"{row['direction']:.0f} deg" if level else "-"
-    return row["support"], *((row["case"],) if several else ()), *sizes, direction
+    size, thrust = row["horizontal"], row["thrust"]
+    words = f"{size / 1e3:.3g}", f"{row['direction']:.0f} deg"
+    if thrust <= LEVEL * _size(row):
+        words = "0", "-"
+    elif size < thrust / 2:  # both walls of a vault, or a ring: the sum says nothing
+        words = f"{thrust / 1e3:.3g}", "opposite ways"
+    return row["support"], *((row["case"],) if several else ()), f"{row['vertical'] / 1e3:.3g}", *words
 
 
 def _size(row: Mapping[str, Any]) -> float:
-    return float(row["vertical"] ** 2 + row["horizontal"] ** 2) ** 0.5
+    return float(row["vertical"] ** 2 + row["thrust"] ** 2) ** 0.5
 
 
 def _point(place: Sequence[float]) -> str:
