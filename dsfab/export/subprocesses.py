@@ -78,7 +78,7 @@ def last_line(program: str, *arguments: str, seconds: float) -> str:
 
 class PreparedProgram:
     """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
-    The program reads its arguments as one line of JSON, a list of strings. The `with` block ends the program."""
+    The program reads its arguments as lines of JSON, each a list of strings. The `with` block ends the program."""
 
     def __init__(self, program: str) -> None:
         self._run = _start(program, stdin=subprocess.PIPE)
@@ -94,7 +94,7 @@ class PreparedProgram:
             pass
 
     def send(self, *arguments: str) -> None:
-        """Send the arguments, once; `answer` returns the output."""
+        """Send the arguments; `answer` returns the output, after which nothing can be sent."""
         if self._run.stdin:
             with suppress(BrokenPipeError):  # the program has ended; its error output contains the reason
                 self._run.stdin.write(json.dumps(arguments) + "\n")

@@ -225,17 +225,22 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
         return _shape_colouring(design, show)
     stress, by = design.statics.answers.stress, _elements_text(design)
     if show == "energy":
-        return _scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
+        return scaled_colouring(stress.energy, energy_label, f"strain energy per area, uncut sheet, {by}")
     if show == "vonmises":
         words = f"von Mises stress, largest of both surfaces {stress_label(stress.peak.stress)}, uncut sheet, {by}"
-        return _scaled_colouring(stress.largest, stress_label, words)
+        return scaled_colouring(stress.largest, stress_label, words)
     strength = design.preset.statics.strength
     if not strength:
         raise DsfabError("utilisation needs a strength to compare with: --set statics.strength=235e6 (Pa, steel S235)")
     share = stress.utilisation(strength)
     words = f"stress over a strength of {stress_label(strength)}, largest {share.max():.0%}, uncut sheet, {by}"
+    return utilisation_colouring(share, words)
+
+
+def utilisation_colouring(share: Floats, words: str) -> Colouring:
+    """Return colours of faces for shares (m,) of the strength; faces above the strength are violet."""
     limited = np.minimum(share, 1.0)
-    shown = _scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
+    shown = scaled_colouring(limited, lambda value: f"{value:.2g}" if value < 0.01 else f"{value:.0%}", words)
     face = np.where((share > 1)[:, None], np.array(YIELD_COLOUR, dtype=np.uint8), shown.face)
     return Colouring(face, shown.bar, None, words)
 
@@ -247,7 +252,8 @@ def energy_label(joules: float) -> str:
     return f"{joules / factor:.3g} {unit}/m2"
 
 
-def _scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
+def scaled_colouring(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
+    """Return colours of faces for values (m,) from 0 up, with a bar whose ends have labels. words : for the caption."""
     limit, bands = band_limit(float(np.percentile(value, COLOUR_PERCENTILE)))
     bar = ColourBar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising_colours(value / limit, bands), bar, None, words)

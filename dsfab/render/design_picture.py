@@ -4,26 +4,34 @@ import os
 import pickle
 import subprocess
 import warnings
-from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager, suppress
 from contextvars import ContextVar
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass
 from dsfab.design.design import Design
 from dsfab.export import PreparedProgram, ProgramError, temporary_folder
 from dsfab.render import picture_program
+from dsfab.render.build_pictures import ANALYSIS_LOOK, CLIENT_LOOK, AnalysisPicture, ClientPicture
+from dsfab.render.colouring import Colouring, force_label, scaled_colouring, stress_label, utilisation_colouring
 from dsfab.render.drawing import Annotations, GroundKind, check_ground
-from dsfab.render.lettering import PAPER
+from dsfab.render.fabrication import Callout
+from dsfab.render.lettering import PAPER, Palette
 from dsfab.render.light import QUICK
 from dsfab.render.opengl import require_rendering
-from dsfab.render.picture import DEFAULT_LOOK, Look, StructurePicture, picture, png_bytes, write_png
+from dsfab.render.picture import Look, StructurePicture, picture, png_bytes, write_png
 from dsfab.render.previewer import DEFAULT_SIZE, Previewer, layer_names
 from dsfab.render.scene import Bytes
 from dsfab.render.view import named_side, up_axis
+
+if TYPE_CHECKING:
+    from dsfab.study.carrying import Carrying
 
 
 def caption(design: Design) -> str:
@@ -38,12 +46,40 @@ def caption(design: Design) -> str:
     )
 
 
-SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
+def client_picture(design: Design, look: Look = CLIENT_LOOK) -> ClientPicture:
+    """Return the data of the picture for clients. Raises DsfabError for an impossible design."""
+    solid, half = design.solid, design.preset.statics.thickness / 2
+    return ClientPicture(solid.V, solid.F, half, design.surface, design.load, caption(design), look)
 
 
-def write_picture(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> None:
-    """Draw the finished structure into a PNG file. Raises DsfabError if this machine cannot draw."""
-    write_png(picture(**_picture_arguments(design, look)), path)
+def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_LOOK) -> AnalysisPicture:
+    """Return the data of the picture of loads, supports and the use of the cut sheet. look : of each half."""
+    surface, palette, strength = design.sheet.surface, look.palette, design.preset.statics.strength
+    total = float(np.linalg.norm(design.load.force.sum(axis=0)))
+    loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
+    loaded = replace(loaded, caption=f"{design.preset.name} - loads of {force_label(total)}, and supports", look=look)
+    before = f"{judged.outcome}: " if judged.faults else ""
+    if judged.stress is None:
+        uncoloured = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))
+        faces = Colouring(uncoloured, words=before + "; ".join(judged.faults))
+    elif strength:
+        words = f"{before}cut sheet, stress over a strength of {stress_label(strength)}"
+        faces = utilisation_colouring(judged.stress / strength, words)
+    else:
+        words = f"{before}cut sheet, von Mises stress; the preset has no strength to compare with"
+        faces = scaled_colouring(judged.stress, stress_label, words)
+    return AnalysisPicture(loaded, surface.V, surface.F, faces, _carrying_callouts(judged, palette))
+
+
+def _carrying_callouts(judged: "Carrying", palette: Palette) -> list[Callout]:
+    notes, use, moved = list[Callout](), judged.use, judged.movement
+    if use:
+        lines = (f"most used: {use.member}, {use.value:.0%}", use.check)
+        notes.append(Callout(np.array(use.place), lines, palette.tension if use.value > 1 else palette.load))
+    if moved:
+        share = f"span / {float(f'{1 / moved.share:.2g}'):,.0f}" if moved.share > 0 else ""
+        notes.append(Callout(np.array(moved.place), (f"moves most: {length(moved.value)}", share), palette.load))
+    return notes
 
 
 def structure_picture(
@@ -84,17 +120,13 @@ def structure_drawing(
     )
 
 
-def _picture_arguments(design: Design, look: Look) -> dict[str, Any]:
-    solid, words = design.solid, caption(design)
-    return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
-
-
+SECONDS = 600.0  # time limit for the process that draws, from the moment at which the caller waits for it
 _STARTED_PROGRAM: ContextVar[PreparedProgram | None] = ContextVar("_AHEAD", default=None)
 
 
 @contextmanager
 def start_picture_program() -> Iterator[None]:
-    """Start a process that loads drawing modules for a later picture. Raises DsfabError if this machine cannot draw."""
+    """Start a process that loads drawing modules for later pictures. Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield
         return
@@ -107,32 +139,53 @@ def start_picture_program() -> Iterator[None]:
             _STARTED_PROGRAM.reset(token)
 
 
+@dataclass
+class Pictures:
+    """Pictures that a second process draws; without a program or if it fails, `finish` draws them itself."""
+
+    program: PreparedProgram | None = None
+    folder: str = ""
+    pending: list[tuple[ClientPicture | AnalysisPicture, Path]] = field(default_factory=list)
+
+    def add(self, data: ClientPicture | AnalysisPicture, path: Path) -> None:
+        """Start to draw a picture into a PNG file."""
+        self.pending.append((data, path))
+        if self.program:
+            file = Path(self.folder) / f"{len(self.pending)}.pickle"
+            file.write_bytes(pickle.dumps(data, protocol=5))
+            self.program.send(str(file), str(path))
+
+    def add_verdict(self, design: Design, judged: "Carrying", folder: Path) -> None:
+        """Start to draw analysis.png, and again preview.png if its caption must say that the design does not carry."""
+        self.add(analysis_picture(design, judged), folder / "analysis.png")
+        if judged.faults:
+            self.add(client_picture(design), folder / "preview.png")
+
+    def finish(self) -> None:
+        """Wait until all pictures are written."""
+        with suppress(ProgramError, subprocess.TimeoutExpired):
+            if self.program:
+                self.program.answer(SECONDS)
+                return
+        for data, path in self.pending:
+            write_png(data.render(), path)
+
+
 @contextmanager
-def picture_in_background(design: Design, path: Path, look: Look = DEFAULT_LOOK) -> Iterator[Callable[[], None]]:
-    """Draw the picture of `write_picture` in a second process. The yielded function waits until the picture is written.
-    With one core, or if the second process fails, that function draws the picture itself.
+def pictures_in_background() -> Iterator[Pictures]:
+    """Yield pictures that a second process draws if this machine has more than one core.
     Raises DsfabError if this machine cannot draw.
     """
-    if (os.cpu_count() or 1) == 1:
-        yield lambda: write_picture(design, path, look)
-        return
     require_rendering()  # sets VTK's kind of window in the environment of both processes
+    if (os.cpu_count() or 1) == 1:
+        yield Pictures()
+        return
     with (
         temporary_folder("dsfab-picture") as folder,
         _STARTED_PROGRAM.get() or PreparedProgram(picture_program.__file__) as program,
     ):
-        _STARTED_PROGRAM.set(None)  # a later picture needs a new program
-        arguments_file = Path(folder) / "picture.pickle"
-        arguments_file.write_bytes(pickle.dumps(_picture_arguments(design, look), protocol=5))
-        program.send(str(arguments_file), str(path))
-
-        def finish() -> None:
-            try:
-                program.answer(SECONDS)
-            except (ProgramError, subprocess.TimeoutExpired):
-                write_picture(design, path, look)
-
-        yield finish
+        _STARTED_PROGRAM.set(None)  # later pictures need a new program
+        yield Pictures(program, folder)
 
 
 NOTEBOOK_SIZE = (800, 600)  # size of a picture in a notebook (pixels)
@@ -142,7 +195,11 @@ def inline_picture(design: Design) -> bytes | None:
     """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
-            return png_bytes(picture(**_picture_arguments(design, Look(NOTEBOOK_SIZE))))
+            solid, words = design.solid, caption(design)
+            look = Look(NOTEBOOK_SIZE)
+            return png_bytes(
+                picture(solid.V, solid.F, surface=design.surface, load=design.load, caption=words, look=look)
+            )
         with Previewer(design) as previewer:
             return png_bytes(previewer.picture(NOTEBOOK_SIZE, quality=QUICK))
     except DsfabError as error:

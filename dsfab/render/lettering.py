@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-MarkName = Literal["load", "support", "reaction", "person", "tension", "compression", "gradient"]
+MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension", "compression", "gradient"]
 
 
 @dataclass(frozen=True)
@@ -32,6 +32,7 @@ class Palette:
     reaction: Colour = (134, 62, 140)
     plain: Colour = (232, 227, 218)
     person: Colour = (146, 145, 148)
+    masonry: Colour = (186, 185, 181)
     tension: Colour = (200, 48, 40)
     compression: Colour = (28, 92, 176)
     gradient: Colour = (20, 112, 44)

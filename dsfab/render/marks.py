@@ -1,5 +1,6 @@
 """Marks beside a structure: load arrows, support cones, principal directions, and a tree for scale."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -204,7 +205,37 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     around = enumerate(np.linspace(0, np.pi, 9))
     ball = _body_of_revolution([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in around])
     crown = _placed_copies(ball, foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
-    return np.concatenate([trunk[0], crown[0]]), np.concatenate([trunk[1], crown[1] + len(trunk[0])])
+    return joint_mesh([trunk, crown])
+
+
+def place_beside(V: Floats, towards: Floats, up: Floats, level: float) -> tuple[Floats, Floats]:
+    """Return a place (3,) on the ground to the right of vertices V (n, 3), nearer to the eye than their middle, and the
+    unit vector (3,) to the right. towards : (3,) towards the eye. level : height of the ground (m).
+    """
+    right = np.cross(up, towards)
+    right /= np.linalg.norm(right)
+    front, x = np.cross(right, up), V @ right
+    y = V @ front
+    gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.3 * float(np.ptp(x))))
+    return (x.max() + gap) * right + ((y.min() + y.max()) / 2 + 0.25 * np.ptp(y)) * front + level * up, right
+
+
+PENCIL_LENGTH, PENCIL_WIDTH = 0.175, 0.007  # m
+
+
+def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
+    """Return a pencil that lies on the ground and points away from `foot` (3,). right, up : (3,) unit vectors."""
+    slender = PENCIL_WIDTH / PENCIL_LENGTH
+    wood = _body_of_revolution([(0.0, 0.0), (0.0, slender / 2), (1 - 3 * slender, slender / 2), (1.0, 0.0)], 6)
+    along = 0.8 * right - 0.6 * np.cross(right, up)
+    return _placed_copies(wood, (foot + PENCIL_WIDTH / 2 * up)[None], along[None], np.array([PENCIL_LENGTH]))
+
+
+def joint_mesh(meshes: Sequence[MarkMesh]) -> MarkMesh:
+    """Return several meshes, at least one, as one mesh."""
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
+    faces = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:

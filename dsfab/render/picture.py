@@ -11,6 +11,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
 from dsfab.render.drawing import Annotations, legend, render_stage, set_stage
 from dsfab.render.lettering import PAPER, Palette, with_legend
+from dsfab.render.light import FINE, LightQuality
 from dsfab.render.opengl import require_rendering
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.view import ViewSide, best_side, up_axis
@@ -75,20 +76,6 @@ def picture(
     cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
-    return render_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
-
-
-def render_picture(
-    V: ArrayLike,
-    F: ArrayLike,
-    *,
-    surface: Surface | None = None,
-    load: LoadCase | None = None,
-    family: ArrayLike | None = None,
-    caption: str = "",
-    look: Look = DEFAULT_LOOK,
-) -> Bytes:
-    """Return `picture` without the test of this machine: if VTK cannot draw, it ends the process."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
@@ -122,7 +109,7 @@ class StructurePicture:
     look: Look
     clear: bool
 
-    def render(self) -> Bytes:
+    def render(self, quality: LightQuality = FINE) -> Bytes:
         """Return (height, width, 3 or 4) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
@@ -130,7 +117,7 @@ class StructurePicture:
         if self.side.towards @ self.up < 0:  # views from below have no ground
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            image = render_stage(scene, stage, palette, size, transparent=self.clear)
+            image = render_stage(scene, stage, palette, size, quality, self.clear)
         return np.asarray(with_legend(image, legend(stage, self.caption, palette, size), palette))
 
 

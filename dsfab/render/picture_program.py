@@ -1,9 +1,9 @@
-"""Program that draws the picture of a finished structure while another process writes files.
+"""Program that draws pictures of a finished structure while another process writes files.
 
     python -P picture_program.py
 
-The program loads the drawing modules and reads a line of JSON: a `pickle` file and a PNG file. The pickle holds the
-arguments of `dsfab.render.picture.picture` as a dictionary. The program prints the name of the PNG file.
+The program loads the drawing modules and reads lines of JSON: a `pickle` file and a PNG file. The pickle holds a
+picture of `dsfab.render.build_pictures`. The program prints the name of each PNG file that it wrote.
 """
 
 import json
@@ -13,15 +13,17 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Draw the picture that standard input requests."""
+    """Draw the pictures that standard input requests."""
     sys.path.append(str(Path(__file__).parents[2]))  # finds dsfab if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 
-    from dsfab.render.picture import render_picture, write_png
+    import dsfab.render.build_pictures  # noqa: F401  (loads while there is no design yet)
+    from dsfab.render.picture import write_png
 
-    arguments_file, path = json.loads(sys.stdin.readline())
-    pixels = render_picture(**pickle.loads(Path(arguments_file).read_bytes()))
-    sys.stdout.write(f"{write_png(pixels, Path(path))}\n")
+    for line in sys.stdin:
+        picture_file, path = json.loads(line)
+        pixels = pickle.loads(Path(picture_file).read_bytes()).render()
+        sys.stdout.write(f"{write_png(pixels, Path(path))}\n")
 
 
 if __name__ == "__main__":

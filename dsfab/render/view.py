@@ -146,10 +146,8 @@ def _plan_axes(V: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
     """Return the view from a side in which points (n, 3) fill a box (left, right, bottom, top) of page coordinates."""
-    towards = side.towards
-    right = np.cross(side.up, towards)
-    right /= np.linalg.norm(right)
-    forward, vertical = -towards, np.cross(towards, right)
+    right, vertical, towards = _picture_frame(side)
+    forward = -towards
     slope = float(np.tan(np.radians(VIEW_DEGREES / 2)))
     low, high = points.min(axis=0), points.max(axis=0)
     middle, reach = (low + high) / 2, float(np.linalg.norm(high - low)) / 2
@@ -165,3 +163,43 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
         if abs(scale - 1) < 1e-4 and np.linalg.norm(shift) < 1e-4:
             break
     return view
+
+
+def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
+    """Return the sides of a plan and of an elevation of vertices V (n, 3), square to their smallest rectangle in plan.
+    The long side of the rectangle is in front; a rectangle along the axes wins unless another is clearly smaller.
+    """
+    across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
+    turns = np.radians(np.arange(90.0))
+    rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))
+    wide, deep = (np.ptp(V @ axes.T, axis=0) for axes in (rights, np.cross(up, rights)))
+    k = int(np.argmin(wide * deep * np.where(turns > 0, 1.02, 1.0)))
+    right = rights[k] if wide[k] >= deep[k] else np.cross(up, rights[k])
+    front = np.cross(right, up)
+    return ViewSide(up, -front, up, False), ViewSide(front, up, up, False)
+
+
+FAR = 400.0  # distance of the eye of a parallel view, over the size of what it sees; perspective shortens 1 / 800
+
+
+def plane_extents(points: Floats, side: ViewSide) -> Floats:
+    """Return the width and height (2,) of points (n, 3) seen from a side without perspective (m)."""
+    return np.asarray(np.ptp(points @ _picture_frame(side)[:2].T, axis=0))
+
+
+def parallel_view(points: Floats, side: ViewSide, size: tuple[int, int], pixels_per_metre: float) -> View:
+    """Return the view from far away of points (n, 3), in the middle of a picture of a size in pixels, at a scale."""
+    frame = _picture_frame(side)
+    places = points @ frame.T
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    distance = FAR * float(np.linalg.norm(np.ptp(points, axis=0)))
+    slope = size[1] / 2 / pixels_per_metre / distance
+    eye = middle @ frame + distance * side.towards
+    return View(eye, frame[0], frame[1], -side.towards, slope, side.floor, side.front)
+
+
+def _picture_frame(side: ViewSide) -> Floats:
+    """Return three unit vectors as rows: right and up in the picture, and towards the eye."""
+    right = np.cross(side.up, side.towards)
+    right /= np.linalg.norm(right)
+    return np.stack([right, np.cross(side.towards, right), side.towards])

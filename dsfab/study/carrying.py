@@ -103,7 +103,8 @@ class Carrying:
     buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
     buckling_case : its case; ''.
     mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
-    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions."""
+    faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
+    stress   : (m,) von Mises stress (Pa) of faces of the cut sheet in the case of the most used member, or the first."""
 
     thickness: float
     mass: float
@@ -114,6 +115,7 @@ class Carrying:
     reactions: tuple[SupportForce, ...] = ()
     faults: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    stress: Floats | None = field(default=None, compare=False, repr=False)
 
     @property
     def outcome(self) -> Outcome:
@@ -232,7 +234,8 @@ def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
     it is the von Mises stress over the strength that 99 % of the area does not exceed."""
     moved, rows, mass = _movement(statics), _reactions(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
-        return Carrying(statics.thickness, mass, None, moved, reactions=rows, remarks=(NO_STRENGTH,))
+        stress = statics.stress(statics.preset.judged_in("ULS", statics.answers)[0]).largest
+        return Carrying(statics.thickness, mass, None, moved, reactions=rows, remarks=(NO_STRENGTH,), stress=stress)
     use, remarks = _most_used(statics)
     factor, case, aside = _buckling(statics) if buckles else (None, "", ())
     faults = []
@@ -240,7 +243,8 @@ def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
         faults.append(f"{use.member} is used to {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"it buckles at {factor:.2g} times its load")
-    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside))
+    stress = statics.stress(use.case).largest
+    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside), stress)
 
 
 def _mass(design: Design, thickness: float) -> float:

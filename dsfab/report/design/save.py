@@ -8,7 +8,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from operator import add
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dsfab.core.errors import ExportError
 from dsfab.design.design import Design
@@ -25,6 +25,9 @@ from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.carrying import Carrying, carrying
 from dsfab.study.fabrication import fabrication
 from dsfab.thickening import SplitBodies, parts
+
+if TYPE_CHECKING:
+    from dsfab.render.design_picture import Pictures
 
 MARKED_PICTURE = (1600, 1200)  # Width and height of fabrication.png, pixels.
 
@@ -70,7 +73,7 @@ def save(
     """Write the files of a design into `folder`: verdict, picture and all quick formats together, or nothing. Formats
     that OCCT checks for a minute follow; the folder is whole without them.
 
-    picture : also write preview.png.
+    picture : also write preview.png, for clients, and analysis.png, the loads and the use of the cut structure.
     marked  : also write fabrication.png, which marks the smallest member, gap and wall.
     Raises ExportError for a folder that cannot be written. `SavedDesign.refused` reports a STEP file that is too large.
     Raises PatternError for a design that nobody should build, unless its preset accepts the faults: see `require_fit`.
@@ -79,19 +82,16 @@ def save(
     quick, slow = ([x for x in suffixes if (x in MAY_BE_REFUSED) == late] for late in (False, True))
     folder = Path(folder)
     with atomic_folder(folder) as build_folder:
-        preview = build_folder / "preview.png"
-        with _picture_meanwhile(design, preview, progress) if picture else nullcontext():
+        with _pictures_meanwhile(design, build_folder, progress) if picture else nullcontext() as pictures:
             require_fit(design, measure=False)
             progress("verdict", "judging the cut structure")
             announce.verdict(judged := carrying(design))
+            if pictures:
+                pictures.add_verdict(design, judged, build_folder)
             preset = with_mesh(design.resolved_preset, build_folder, folder)
             files = _write_formats(design, build_folder, quick, progress)
             _write_numbers(design, build_folder, folder, preset)
             measured = _measured_facts(design, progress, build_folder / "fabrication.png" if marked else None)
-        if picture and judged.faults:  # the picture began before the verdict, and its caption must tell it
-            from dsfab.render.design_picture import write_picture
-
-            write_picture(design, preview)
         facts = _write_facts(design, build_folder, files, measured, time.perf_counter() - start)
     announce.picture(folder)
     if not slow and not is_searched(design.preset):
@@ -145,14 +145,16 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 
 @contextmanager
-def _picture_meanwhile(design: Design, path: Path, progress: Progress) -> Iterator[None]:
-    from dsfab.render.design_picture import picture_in_background
+def _pictures_meanwhile(design: Design, folder: Path, progress: Progress) -> "Iterator[Pictures]":
+    """Draw preview.png, and pictures that the caller adds, in a second process."""
+    from dsfab.render.design_picture import client_picture, pictures_in_background
 
-    with picture_in_background(design, path) as finish:
-        yield
-        if not path.exists():
-            progress("preview", f"drawing {path.name}")
-        finish()
+    with pictures_in_background() as pictures:
+        pictures.add(client_picture(design), folder / "preview.png")
+        yield pictures
+        if missing := [path.name for _, path in pictures.pending if not path.exists()]:
+            progress("preview", f"drawing {' and '.join(missing)}")
+        pictures.finish()
 
 
 def _write_numbers(design: Design, build_folder: Path, folder: Path, preset: Preset) -> None:

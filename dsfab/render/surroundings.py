@@ -1,0 +1,173 @@
+"""The surroundings of a structure in a picture for clients: its supports as parts of a building, and the ground."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import ConvexHull
+
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
+from dsfab.render.light import frame_towards
+from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
+from dsfab.surface import LoadCase, Surface, half_edges
+
+PartKind = Literal["column", "wall", "hanger", "abutment"]
+
+HEADROOM = 2.2  # height (m) above height 0 from which a structure stands on columns or walls, with its ground at 0
+PLINTH = 0.012  # height of the lowest columns and walls, over the structure's size
+COLUMN_EXTENT = 0.08  # largest extent in plan, over the structure's size, of a support that becomes a column
+LOW_SHARE = 0.25  # supports below this share of the structure's height carry it from below, even those on one side
+STEEP = 0.2  # least slope up to a support from which the structure hangs
+UPRIGHT = 3.0  # least height over extent in plan of a support along an upright edge
+SOIL_SHARE = 0.5  # least supported share of the area of a slab on soil
+CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest number of columns or rods of a support
+ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
+HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
+TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
+"""Least width of columns and walls, of those as low as a footing, and of hangers, over the structure's size."""
+
+
+@dataclass(frozen=True, eq=False)
+class SupportPart:
+    """Connected support: its vertices (k,), its boundary edges (e, 2) as vertex indices, and the part that it becomes.
+    along    : (3,) unit vector from the structure into the part.
+    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure.
+    """
+
+    kind: PartKind
+    vertices: Ints
+    edges: Ints
+    along: Floats
+    outwards: Floats
+
+
+def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
+    """Return the connected supports as parts of a building. up : (3,) unit vector. Their kinds follow from geometry:
+    inner supports from which the structure falls away are hangers, and supports on one side of it are abutments.
+    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts.
+    """
+    supported = _upward_supports(load, up)
+    if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
+        return []
+    label, inner = _components(surface, supported), _from_free_neighbours(surface, supported)
+    groups = [np.flatnonzero(supported & (label == number)) for number in np.unique(label[supported])]
+    side = _open_side(surface, load, groups, up)
+    outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
+    borders = np.stack([ends[surface.edges.outline] for ends in half_edges(surface.F)], axis=1)
+    borders = borders[supported[borders].all(axis=1)]
+    supports = list[SupportPart]()
+    for group in groups:
+        edges, towards, points = borders[label[borders[:, 0]] == label[group[0]]], inner[group], surface.V[group]
+        extent, is_high = _extent(points, up), float((towards @ up).mean()) > STEEP
+        if is_high and not outer[group].any():
+            kind, along = "hanger", up
+        elif side is not None:
+            kind, along = "abutment", side
+        else:
+            kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
+        is_beside = along is not up and side is None and (is_high or np.ptp(points @ up) > UPRIGHT * extent)
+        outwards = unit_vectors(towards - np.outer(towards @ up, up)) if is_beside else np.zeros_like(points)
+        supports.append(SupportPart(kind, group, edges, along, outwards))
+    return supports
+
+
+def _open_side(surface: Surface, load: LoadCase, groups: list[Ints], up: Floats) -> Floats | None:
+    """Return the horizontal direction (3,) to supports that are all on one side and all high, as of a cantilever."""
+    side, heights = support_side(surface, load, surface.size, up), surface.V @ up
+    low = heights.min() + LOW_SHARE * np.ptp(heights)
+    return side if abs(side @ up) < 0.5 and all(heights[group].mean() >= low for group in groups) else None
+
+
+def _upward_supports(load: LoadCase, up: Floats) -> Bools:
+    """Return supported vertices (n,), without those that hold sideways only, as at a plane of symmetry."""
+    axis = int(np.argmax(np.abs(up)))
+    upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
+    return np.asarray(upwards if upwards.any() else load.supported)
+
+
+def _components(surface: Surface, supported: Bools) -> Ints:
+    a, b = surface.edges.ends[supported[surface.edges.ends].all(axis=1)].T
+    graph = coo_array((np.ones(len(a)), (a, b)), shape=(surface.n, surface.n))
+    return np.asarray(connected_components(graph, directed=False)[1])
+
+
+def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
+    """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without any."""
+    ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
+    ends = np.where(supported[ends[:, :1]], ends, ends[:, ::-1])
+    sums = group_sums(ends[:, 0], unit_vectors(surface.V[ends[:, 0]] - surface.V[ends[:, 1]]), surface.n)
+    return np.asarray(sums / np.maximum(np.bincount(ends[:, 0], minlength=surface.n), 1)[:, None])
+
+
+def _extent(points: Floats, axis: Floats) -> float:
+    """Return the size (m) of points (k, 3) across an axis (3,)."""
+    return float(np.linalg.norm(np.ptp(points - np.outer(points @ axis, axis), axis=0)))
+
+
+def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
+    """Return the height of the ground (m): 0 below a structure that is drawn with headroom, else that of its lowest
+    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m).
+    """
+    lowest, size = float((surface.V @ up).min()) - half, surface.size
+    if HEADROOM < lowest < size:
+        return 0.0
+    hangs = bool(supports) and all(support.kind == "hanger" for support in supports)
+    return lowest - (min(HEADROOM, 0.3 * size) if hangs else PLINTH * size)
+
+
+def support_part(surface: Surface, support: SupportPart, half: float, ground: float) -> MarkMesh:
+    """Return the mesh of a part (metres). ground : its height (m). half : as for `ground_level`."""
+    size, along, among = surface.size, support.along, support.vertices
+    begin = surface.V @ along + half * np.abs(surface.vertex_normals @ along)  # at the skin of the structure
+    deepest, V = float(begin[among].max()), surface.V.copy()
+    if support.kind == "hanger":
+        return _prisms(
+            V, _spaced_vertices(V, among, HANGERS * size), along, begin, deepest + HANGER_LENGTH * size, ROD * size
+        )
+    end = deepest + ABUTMENT_DEPTH * size if support.kind == "abutment" else -ground
+    width = max((FOOTING_WIDTH if end - deepest < 2 * PLINTH * size else WIDTH) * size, 2 * half)
+    if support.outwards.any():  # beside the structure, and as high as the support
+        V[among] += support.outwards * (half + width / 2)
+        begin[among] = begin[among].min() if support.kind == "column" else begin[among]
+    direction = unit_vectors(V[support.edges[:, 1]] - V[support.edges[:, 0]])
+    edges = support.edges[np.abs(direction @ along) < 0.9]
+    if support.kind == "column" or not len(edges):
+        return _prisms(V, [among], along, begin, end, width)
+    if support.kind == "abutment" or end - deepest < TALL:
+        return _prisms(V, edges, along, begin, end, width)
+    beam = _prisms(V, edges, along, begin, begin + 2 * width, width)
+    return joint_mesh(
+        [beam, _prisms(V, _spaced_vertices(V, np.unique(edges), COLUMNS * size), along, begin + width, end, width)]
+    )
+
+
+def _spaced_vertices(V: Floats, among: Ints, apart: float) -> list[Ints]:
+    """Return vertices (1,) each among some vertices, about `apart` metres from each other."""
+    points = V[among]
+    return [among[[k]] for k in thin_points(points, apart, Spacing(1.0, MOST_PARTS))]
+
+
+def _prisms(
+    V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
+) -> MarkMesh:
+    """Return a prism with round corners around each group of vertices of V (n, 3), from the height `begin` (n,) of each
+    vertex along an axis (3,) to its height `end`.
+    """
+    frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
+    turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
+    circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()
+    for group in groups:
+        plan = ((V[group] @ frame[:2].T)[:, None] + circle).reshape(-1, 2)
+        outline = ConvexHull(plan).vertices  # counter-clockwise
+        heights, count = ends[:, group[outline // CORNERS]], len(outline)
+        corners = np.concatenate([np.column_stack([plan[outline], height]) for height in heights]) @ frame
+        low, fan = np.arange(count), np.arange(1, count - 1)
+        high = np.roll(low, -1)
+        sides = [(low, high, high + count), (low, high + count, low + count)]
+        caps = [(0 * fan, fan + 1, fan), (0 * fan + count, fan + count, fan + count + 1)]
+        meshes.append((corners, np.concatenate([np.stack(face, axis=1) for face in (*sides, *caps)])))
+    return joint_mesh(meshes)
