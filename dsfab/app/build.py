@@ -106,7 +106,7 @@ def build(
 
     source = source.with_overrides(*files.preset_overrides(), *step.overrides())
     proposal = source.proposal(preset)
-    print_lines(proposal.lines if proposal and not quiet else ())
+    print_lines((*proposal.questions, *proposal.lines) if proposal and not quiet else ())
     loaded = source.read_preset(preset, proposal)
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import MaxTriangles, Unit, Up
+from dsfab.app.options import BuiltIn, LoadWish, MaxTriangles, Source, Stand, Unit, Up
 from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import DsfabError, PresetError
 
@@ -24,12 +24,16 @@ def new(
     up: Up = None,
     max_triangles: MaxTriangles = None,
     material: Annotated[str | None, Parameter(help="Material; `dsfab materials` lists names.")] = None,
+    stand: Stand = None,
+    built_in: BuiltIn = False,
+    load: LoadWish = (),
     force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    It reads the mesh, guesses its unit, its vertical axis and its supports, and chooses loads, thickness, pattern and
-    widths by its size. `dsfab build` takes the preset, and the mesh itself as well.
+    It reads the mesh and judges by their statics what its unit, its vertical axis and its supports may be. Loads follow
+    from the kind of surface; thickness, pattern and widths from its size. Doubts come first, each as a question with
+    the option that settles it. `dsfab build` takes the preset, and the mesh itself as well.
 
     Parameters
     ----------
@@ -40,7 +44,8 @@ def new(
 
     if mesh.suffix == ".toml":
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
-    proposal = propose(mesh, unit, up, material, max_triangles)
+    wishes = Source(stand=stand, built_in=built_in, load=load).wishes
+    proposal = propose(mesh, unit, up, material, max_triangles, wishes=wishes)
     target = output or Path(f"{proposal.given.name}.toml")
     if target.suffix != ".toml":
         raise PresetError(f"-o {target} does not end in .toml; write for instance -o {target.stem}.toml")
@@ -49,7 +54,7 @@ def new(
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
-    print_lines(proposal.lines)
+    print_lines((*proposal.questions, *proposal.lines))
     if warning := strength_warning(proposal):
         print_result(warning)
     print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
@@ -63,7 +68,7 @@ def strength_warning(proposal: "Proposal") -> str:
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
 
-    size = proposal.size
+    size = proposal.plan.size
     if not proposal.preset.statics.strength or max(size.span, size.bridged) < 50:
         return ""
     try:

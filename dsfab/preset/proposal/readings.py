@@ -43,6 +43,10 @@ class Place:
     def __post_init__(self) -> None:
         lock(self, "points", np.float64, (None, 3))
 
+    def moved(self, offset: Floats) -> "Place":
+        """Return the place at the points minus an offset (3,), metres."""
+        return replace(self, points=self.points - offset)
+
     def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
         """Return a picker of the place on any mesh of the surface; a box is larger by `margin` metres on all sides."""
         if self.loop is not None:
@@ -77,18 +81,20 @@ class Reading:
 
 
 def readings(shape: Shape) -> list[Reading]:
-    """Return the readings of a shape; of two that hold nearly the same, the better one."""
-    if not shape.edges:
-        return [Reading("sole", "object", soles(shape.surface), DRAWN)]
+    """Return all readings of a shape with edges, the best form first."""
     found = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
-    found = sorted((reading for reading in found if reading.form > 0.02), key=lambda reading: -reading.form)
-    held = [reading.held(shape.surface) for reading in found]
-    distinct = list[int]()
-    for k, reading in enumerate(found):
-        alike = (j for j in distinct if found[j].kind == reading.kind)
-        if not any((held[j] & held[k]).sum() > 0.75 * (held[j] | held[k]).sum() for j in alike):
-            distinct.append(k)
-    return [found[k] for k in distinct]
+    return sorted((reading for reading in found if reading.form > 0.02), key=lambda reading: -reading.form)
+
+
+def distinct_readings(shape: Shape) -> list[Reading]:
+    """Return the readings of a shape; of two that hold nearly the same, the better one."""
+    distinct = list[tuple[Reading, Bools]]()
+    for reading in readings(shape):
+        held = reading.held(shape.surface)
+        alike = (other for known, other in distinct if known.kind == reading.kind)
+        if not any((held & other).sum() > 0.75 * (held | other).sum() for other in alike):
+            distinct.append((reading, held))
+    return [reading for reading, _ in distinct]
 
 
 def _of_what_it_leaves(shape: Shape, reading: Reading) -> Reading:
@@ -110,7 +116,7 @@ def _roof(shape: Shape) -> float:
     return (1 - shape.wall) * (0.5 if shape.is_floor else 1.0)
 
 
-def _numbered(name: str, places: Sequence[Place]) -> tuple[Place, ...]:
+def numbered(name: str, places: Sequence[Place]) -> tuple[Place, ...]:
     """Return the places with a name, and with numbers if there are several."""
     several = len(places) > 1
     return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
@@ -126,21 +132,21 @@ def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[Place, ...]:
     for edge in edges:
         rivals = [other for other in shape.edges if abs(other.length / edge.length - 1) < 0.05]
         places.append(replace(_along(edge), loop=edge.loop if len(rivals) == 1 else None))
-    return _numbered(name, places)
+    return numbered(name, places)
 
 
 def _discs(shape: Shape, points: Floats) -> tuple[Place, ...]:
-    return _numbered("column", [Place("", point[None], radius=0.03 * shape.width) for point in points])
+    return numbered("column", [Place("", point[None], radius=0.03 * shape.width) for point in points])
 
 
 def _column_heads(shape: Shape) -> Iterator[Reading]:
     form = DRAWN * (1 - shape.wall) * min(1, 2 * _mean([shape.neck(edge)[2] for edge in shape.heads]))
-    yield Reading("loops", "roof", _numbered("column", [_along(edge) for edge in shape.heads]), form)
+    yield Reading("loops", "roof", numbered("column", [_along(edge) for edge in shape.heads]), form)
 
 
 def _lugs(shape: Shape) -> Iterator[Reading]:
     form = DRAWN * RARER * (1 - shape.wall) * min(1, -2 * _mean([shape.neck(edge)[2] for edge in shape.lugs]))
-    yield Reading("hung", "hung", _numbered("hanger", [_along(edge) for edge in shape.lugs]), form)
+    yield Reading("hung", "hung", numbered("hanger", [_along(edge) for edge in shape.lugs]), form)
 
 
 def _valleys(shape: Shape) -> list[tuple[Edge, float]]:
@@ -157,7 +163,7 @@ def _feet(shape: Shape) -> Iterator[Reading]:
         if len(low) > count:
             form = _mean([min(1, depth / (2 * DEPTH * shape.height)) for _, depth in low])
             name = "springing line" if min(edge.length for edge, _ in low) > shape.width / 2 else "foot"
-            places = _numbered(name, [_along(edge) for edge, _ in low])
+            places = numbered(name, [_along(edge) for edge, _ in low])
             yield Reading(word, "roof", places, (USUAL if shape.is_raised else DRAWN) * _roof(shape) * form)
         count = len(low)
 
@@ -186,11 +192,11 @@ def _sides(shape: Shape) -> Iterator[Reading]:
     for word, two in (("ends", shape.sides[::2]), ("sides", shape.sides[1::2])):
         low = [1.0 if shape.is_deck and word == "ends" else shape.lowness(side) for side in two]
         form = _mean([side.straight_levelness * share for side, share in zip(two, low, strict=True)])
-        yield Reading(word, kind, _numbered(word[:-1], [_along(side) for side in two]), usual * form)
+        yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), usual * form)
     if shape.ratio > STRIP:
         apart = min(1.2 * min(end.length for end in shape.sides[::2]), APART)
         posts = [post for side in shape.sides[1::2] for post in side.posts(apart, shape.width / 25)]
-        yield Reading("posts", "roof", _numbered("post", [_along(post) for post in posts]), USUAL * _roof(shape))
+        yield Reading("posts", "roof", numbered("post", [_along(post) for post in posts]), USUAL * _roof(shape))
 
 
 def _corners(shape: Shape) -> Iterator[Reading]:
@@ -204,7 +210,7 @@ def _corners(shape: Shape) -> Iterator[Reading]:
         half = max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
         places = [_along(edge.part((k - half) % len(edge.points), (k + half) % len(edge.points))) for k in corners]
         form = DRAWN if is_scalloped(edge, corners) else ANYWHERE
-        yield Reading("corners", "roof", _numbered("mast", places), form * _roof(shape))
+        yield Reading("corners", "roof", numbered("mast", places), form * _roof(shape))
 
 
 def _columns(shape: Shape) -> Iterator[Reading]:
@@ -227,7 +233,7 @@ def _base(shape: Shape) -> Iterator[Reading]:
         places = low_places(shape, RISE * shape.height)
         cover = sum(place.length for place in places) / np.ptp(shape.surface.V[:, :2], axis=0).max()
         form = DRAWN * RARER * shape.wall * min(1, cover)
-        yield Reading("base", "wall", _numbered("base", places), form)
+        yield Reading("base", "wall", numbered("base", places), form)
 
 
 def low_places(shape: Shape, reach: float) -> list[Place]:
@@ -254,7 +260,7 @@ def soles(surface: Surface) -> tuple[Place, ...]:
     _, part = link_components(surface.n, ends[:, 0], ends[:, 1])
     groups: list[Ints] = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
     enough = 0.1 * max(map(len, groups))
-    return _numbered("foot", [Place("", surface.V[group]) for group in groups if len(group) >= enough])
+    return numbered("foot", [Place("", surface.V[group]) for group in groups if len(group) >= enough])
 
 
 READINGS: tuple[Callable[[Shape], Iterator[Reading]], ...] = (

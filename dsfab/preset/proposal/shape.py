@@ -47,6 +47,16 @@ def coarse_surface(surface: Surface) -> Surface:
     return Surface(coarse.V * size + middle, coarse.F)
 
 
+def is_nearly_closed(surface: Surface) -> bool:
+    """Return True if the surface has no boundary except pinholes."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
+
+
+def is_figure(surface: Surface) -> bool:
+    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
+
+
 @dataclass(frozen=True, eq=False)
 class Edge:
     """A closed free edge, or a part of it.
@@ -98,7 +108,7 @@ class Edge:
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
-        """Yield low stretches of a closed edge, and how deep they are below the edge beside them (metres).
+        """Yield low stretches of a closed edge, and how deep they are below the edge beside them, metres.
         height : of the surface.    shortest : least length of a stretch (m); it grows on its lower side first."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
@@ -112,10 +122,15 @@ class Edge:
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
-        """Return the points at which a closed edge turns most, by `CORNER` or more within an `arm` (m) on both sides."""
+        """Return the points at which a closed edge turns most, by `CORNER` or more within an `arm` (m) on both sides.
+        An edge that goes up and down in a straight line of the plan, as that of a folded roof, has no corners there."""
         n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
         before, after = (self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points)
-        cosine = np.einsum("ki,ki->k", before, after) / (lengths(before) * lengths(after) + 1e-12)
+        long = lengths(before) * lengths(after) + 1e-12
+        cosine = np.einsum("ki,ki->k", before, after) / long
+        plan = np.linalg.norm(before[:, :2], axis=1) * np.linalg.norm(after[:, :2], axis=1)
+        in_plan = np.einsum("ki,ki->k", before[:, :2], after[:, :2]) / np.maximum(plan, 1e-12)
+        cosine = np.where(plan > 0.25 * long, np.maximum(cosine, in_plan), cosine)
         corners = list[int]()
         for k in np.argsort(cosine, kind="stable").tolist():
             apart = [min((k - j) % n, (j - k) % n) for j in corners]
@@ -233,7 +248,7 @@ class Shape:
 
     @cached_property
     def hollows(self) -> Ints:
-        """Vertices (k,) within the sheet or on its edge that are lower than all around them, where water would stand."""
+        """Vertices (k,) in the sheet or on its edge that are lower than all around them, where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
         near, wide = (tree.query_ball_point(V[:, :2], self.width / k) for k in (12, 7))
@@ -258,13 +273,21 @@ class Shape:
         return self.surface.V[vertex[away < 0.05 * self.width]]
 
     @cached_property
+    def is_object(self) -> bool:
+        """True for a sculpture: a closed surface, or a nearly closed one whose edges do not reach the ground."""
+        z = self.surface.V[:, 2]
+        lowest = min((float(edge.z.min()) for edge in self.edges), default=0.0)
+        raised = lowest > z.min() + RISE * self.height and max(edge.z.mean() for edge in self.edges) < self.middle[2]
+        return is_nearly_closed(self.surface) or (is_figure(self.surface) and raised)
+
+    @cached_property
     def heads(self) -> list[Edge]:
         """Small edges that the sheet leaves upwards: column heads. A plane hole is an opening."""
         return [edge for edge in self.small if self.neck(edge)[2] > NECK]
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges that the sheet leaves downwards, on a slender neck: what it hangs from. A wide one is a skylight."""
+        """Small edges that the sheet leaves downwards, on a slender neck, as where it hangs; wide ones are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property

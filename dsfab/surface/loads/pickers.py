@@ -215,8 +215,8 @@ class Nearest:
 class Boundary:
     """The vertices of all free edges, of one boundary loop, or of a part of a loop.
     loop   : number of the loop: 0 is the longest in metres, 1 the next.
-    points : places (metres) near free edges, in place of a number: one for the loop that passes nearest to it; three for
-             the part of this loop from the first place, past the second, to the third."""
+    points : places (metres) near free edges, in place of a number: one for the loop that passes nearest to it; three
+             for the part of this loop from the first place, past the second, to the third."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
