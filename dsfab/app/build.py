@@ -106,7 +106,7 @@ def build(
 
     source, page = source.with_overrides(*files.preset_overrides(), *step.overrides()), BuildPage(output)
     proposal = source.proposal(preset)
-    page.print_lines(proposal.lines if proposal else ())
+    page.print_lines((*proposal.questions, *proposal.lines) if proposal else ())
     loaded = source.read_preset(preset, proposal, "open")
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()

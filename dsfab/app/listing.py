@@ -143,7 +143,7 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
 
     try:
         proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw)
-    except SurfaceError as error:
+    except (SurfaceError, PresetError) as error:
         return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
     choices = {decision.topic: decision.choice for decision in proposal.decisions}
     if "pieces" in choices:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import MaxTriangles, Unit, Up
+from dsfab.app.options import BuiltIn, LoadWish, MaxTriangles, Source, Stand, Unit, Up
 from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import PresetError
 
@@ -21,12 +21,16 @@ def new(
     up: Up = None,
     max_triangles: MaxTriangles = None,
     material: Annotated[str | None, Parameter(help="Material; `dsfab materials` lists names.")] = None,
+    stand: Stand = None,
+    built_in: BuiltIn = False,
+    load: LoadWish = (),
     force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    It reads the mesh, guesses its unit, its vertical axis and its supports, and chooses loads, thickness, pattern and
-    widths by its size. `dsfab build` takes the preset, and the mesh itself as well.
+    It reads the mesh and judges by their statics what its unit, its vertical axis and its supports may be. Loads follow
+    from the kind of surface; thickness, pattern and widths from its size. Doubts come first, each as a question with
+    the option that settles it. `dsfab build` takes the preset, and the mesh itself as well.
 
     Parameters
     ----------
@@ -37,13 +41,14 @@ def new(
 
     if mesh.suffix == ".toml":
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
-    proposal = propose(mesh, unit, up, material, max_triangles)
+    wishes = Source(stand=stand, built_in=built_in, load=load).wishes
+    proposal = propose(mesh, unit, up, material, max_triangles, wishes=wishes)
     target = output or Path(f"{proposal.given.name}.toml")
     require_new_preset_file(target, force)
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")
-    print_lines(proposal.lines)
+    print_lines((*proposal.questions, *proposal.lines))
     print_result(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
     return 0
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.export import Estimate
     from dsfab.preset.model import Preset
-    from dsfab.preset.proposal import Proposal
+    from dsfab.preset.proposal import Proposal, Wishes
 
 
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
@@ -26,6 +26,27 @@ Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Pri
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
 Up = Annotated[
     str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
+]
+Stand = Annotated[
+    str | None,
+    Parameter(
+        name="--stand",
+        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring (inner "
+        "edge), edges (both), hung, ends, sides, posts, corners, hollows, columns, base; or a height in metres: the "
+        "edge up to it over its lowest point.",
+    ),
+]
+BuiltIn = Annotated[
+    bool, Parameter(name="--built-in", negative=(), help="The supports of a mesh do not let it turn there.")
+]
+LoadWish = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--load",
+        negative=(),
+        help="Load of a mesh besides its weight: snow, wind, people, services or none; with a value in kPa: snow=1.2 "
+        "(repeatable).",
+    ),
 ]
 MaxTriangles = Annotated[
     int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
@@ -81,6 +102,9 @@ class Source:
     unit: Unit = None
     up: Up = None
     max_triangles: MaxTriangles = None
+    stand: Stand = None
+    built_in: BuiltIn = False
+    load: LoadWish = ()
 
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
@@ -115,12 +139,26 @@ class Source:
         is_mesh_file = suffix in MESH_SUFFIXES or (Path(name).is_file() and suffix not in ("", ".toml"))
         mesh_file = name if is_mesh_file else self.mesh if name == OWN else None
         if mesh_file is None:
+            self._require_no_wishes(name)
             return None
         if mesh_file is name and self.mesh is not None:
             raise PresetError(f"{name} and --mesh {self.mesh} are two meshes; give one of them")
         material = self.overrides().get("statics.material")
         material = material if isinstance(material, str) else None
-        return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles)
+        return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles, wishes=self.wishes)
+
+    @property
+    def wishes(self) -> "Wishes":
+        """What the user says about supports and loads of a mesh."""
+        from dsfab.preset.proposal import Wishes
+
+        return Wishes(self.stand or "", self.built_in, self.load)
+
+    def _require_no_wishes(self, name: str) -> None:
+        if self.stand or self.built_in or self.load:
+            raise PresetError(
+                f"{name} is a preset, which states supports and loads; --stand, --built-in and --load are for a mesh"
+            )
 
     def overrides(self) -> dict[str, Any]:
         """Return all changes as values by dotted keys. Raises PresetError for a text without the form KEY=VALUE."""
@@ -142,6 +180,8 @@ class Source:
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
+        words += ["--stand", self.stand] if self.stand is not None else []
+        words += ["--built-in"] * self.built_in + [word for text in self.load for word in ("--load", text)]
         words += ["--max-triangles", str(self.max_triangles)] if self.max_triangles is not None else []
         return words + (["--up", self.up] if self.up is not None else [])
 

@@ -1,8 +1,8 @@
 """Decisions about a mesh: the `Proposal`, which contains a preset for `dsfab build`."""
 
 import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -14,15 +14,22 @@ from dsfab.core.materials import material_named
 from dsfab.core.messages import length
 from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
-from dsfab.preset.proposal.feet import Foot, feet, stems, tips, turns
+from dsfab.preset.proposal.judgement import DOUBT
+from dsfab.preset.proposal.loads import Wishes, load_words, takes_snow
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
-from dsfab.preset.proposal.sizes import Sizes, is_figure, shorter_side, sizes
-from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, wind_lines
-from dsfab.surface import Marks, RawMesh, Surface
+from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.shape import is_figure
+from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
+from dsfab.preset.proposal.text import SHARE, Plan, place_words, proposal_text
+from dsfab.surface import RawMesh, Surface
 
 OWN = "roof"
 """Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
+LISTED = 4
+"""Largest number of supports that are listed by name."""
+NO_WISHES = Wishes()
+"""dsfab chooses supports and loads."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,17 +37,18 @@ class Proposal:
     """A preset for a mesh, as text with comments, and the decisions behind it."""
 
     given: UserMesh
-    size: Sizes
-    stands: tuple[Foot, ...]
-    snow: bool
-    """True if the surface carries snow, see `takes_snow`."""
-    marks: Mapping[str, Marks] = field(default_factory=dict)
-    """Marks in the user's file beside the surface, by layer; see `drawn_marks`."""
+    plan: Plan
+    wishes: Wishes = NO_WISHES
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
         """Decisions in the order of the preset."""
         return (*self.given.decisions, *_decisions(self))
+
+    @cached_property
+    def questions(self) -> tuple[str, ...]:
+        """Doubts that only the user can settle, each with the option that does it, the most urgent first."""
+        return tuple(_questions(self))
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -56,7 +64,7 @@ class Proposal:
         file : path of the mesh relative to the preset's folder; default: the user's path."""
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {decision.topic: decision.choice for decision in self.decisions}
-        return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
+        return proposal_text(self.given, self.plan, keys, notes)
 
     @cached_property
     def preset(self) -> Preset:
@@ -68,15 +76,19 @@ class Proposal:
         return preset_from(values, f"proposal for {self.given.name}")
 
 
-def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
+def preset_for(
+    mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None, wishes: Wishes = NO_WISHES
+) -> Preset:
     """Return a preset for the user's own surface: that of `dsfab new`, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
     unit     : unit of the mesh: mm, cm, m ...; by default guessed for files without a unit, else metres.
     up       : axis of the mesh that points to the sky: x, y, z, -x, -y, -z; by default dsfab guesses this axis.
     material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
-    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material."""
-    proposal = propose(mesh, unit, up, material)
-    return proposal.preset.with_thickness(proposal.size.thickness)
+    wishes   : what holds the surface, and its loads, if dsfab should not choose them.
+    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material, for a surface that nothing
+    plausible holds, and for wishes that it cannot fulfil."""
+    proposal = propose(mesh, unit, up, material, wishes=wishes)
+    return proposal.preset.with_thickness(proposal.plan.size.thickness)
 
 
 def propose(
@@ -86,6 +98,7 @@ def propose(
     material: str | None = None,
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
+    wishes: Wishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
     max_triangles : limit for a mesh file, which also limits the time of reading it.
@@ -93,42 +106,37 @@ def propose(
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
     if isinstance(mesh, str | Path):
-        user_mesh = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw)
+        user_mesh = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw, wishes.stand)
     else:
-        user_mesh = mesh_in_memory(mesh, unit, axis)
-    size = sizes(user_mesh.surface, name)
+        user_mesh = mesh_in_memory(mesh, unit, axis, wishes.stand)
     marks = drawn_marks(user_mesh)
-    stands = drawn_feet(marks) or feet(user_mesh.surface, size.span)
-    snow = takes_snow(user_mesh.surface)
-    size = size.with_feet(user_mesh.surface, [foot.points for foot in stands], roof=snow)
-    return Proposal(user_mesh, size, stands, snow, marks)
-
-
-def takes_snow(surface: Surface) -> bool:
-    """Return True for a roof: an open surface that does not overlap itself much in plan."""
-    if is_figure(surface):
-        return False
-    up = surface.normals[:, 2] * surface.areas
-    seen = float(np.abs(up).sum())
-    shown, once = 0.4, 1.2  # ratios of the area in plan to the area, and to the area in plan without overlaps
-    return seen > shown * surface.area and seen < once * abs(float(up.sum()))
+    drawn = drawn_feet(marks)
+    if not drawn and not wishes.stand:
+        user_mesh.choice.require_plausible()
+    stands, surface, best = drawn or user_mesh.places, user_mesh.surface, user_mesh.choice.best
+    kind = best.reading.kind
+    if kind == "roof" and (is_figure(surface) or not takes_snow(surface)):
+        kind = "object"
+    size = sizes(surface, name)
+    is_model = surface.size < MODEL or size.material == "PLA"
+    loads = wishes.pressures(kind, is_model)
+    size = size.with_feet(surface, [place.points for place in stands], roof=kind == "roof")
+    built_in = wishes.built_in or (best.built_in and not drawn)
+    return Proposal(user_mesh, Plan(size, stands, built_in, loads, marks), wishes)
 
 
 def _decisions(proposal: Proposal) -> Iterator[Decision]:
-    surface, size, stands = proposal.given.surface, proposal.size, proposal.stands
+    surface, plan, size = proposal.given.surface, proposal.plan, proposal.plan.size
     yield _mesh(surface, size)
-    where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
-    free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
-    if "support" in proposal.marks:
-        yield Decision("stands on", where, "surface.support")
-    elif stems(surface, stands, size.span):
-        stem = "; dsfab new writes the lines for a stem, too"
-        yield Decision("hangs from", where + free + stem, "surface.support")
-    else:
-        yield Decision("stands on", where + free + _unsteady(surface, stands), "surface.support")
-    yield from mark_decisions(proposal.marks)
-    yield from _unsupported_pieces(surface, stands)
-    yield Decision("carries", _load_words(surface, proposal.snow), "surface.load")
+    yield _stands(proposal)
+    yield from mark_decisions(plan.marks)
+    yield from _unsupported_pieces(surface, plan.stands)
+    model = (
+        "; a printed model has no snow" if not plan.loads and surface.size < MODEL and not is_figure(surface) else ""
+    )
+    yield Decision(
+        "carries", load_words(surface, plan.loads) + model, "surface.load, or --load snow, wind, people, none"
+    )
     figure = is_figure(surface)
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     material = f"{size.material}, of a thickness that sizing chooses; first guess {length(size.thickness)}{over}"
@@ -142,22 +150,42 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield Decision("files", "STL, 3MF, and STEP if it takes little time", "export.formats, export.step")
 
 
-def _load_words(surface: Surface, roof: bool) -> str:
-    top = None if roof else snow_on_top(surface)
-    snow = (
-        f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
-    )
-    wind = "; dsfab new also writes lines for wind, as comments"
-    words = "its own weight" + (snow if roof or top else "")
-    return words + (wind if not roof and wind_lines(surface) else "")
+def _stands(proposal: Proposal) -> Decision:
+    stands, best = proposal.plan.stands, proposal.given.choice.best
+    names = [place.name + (f" ({length(place.length)})" if place.length else "") for place in stands]
+    where = ", ".join(names) if len(names) <= LISTED else place_words(stands)
+    if "support" in proposal.plan.marks:
+        return Decision("stands on", where, "surface.support")
+    topic = "hangs from" if best.reading.kind == "hung" else "stands on"
+    free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
+    built_in = "; built in, so that it cannot turn there" if proposal.plan.built_in else ""
+    tips = "; its middle lies beside them, so the ground must also hold it down" if best.tips else ""
+    others = [each.reading.word for each in proposal.given.choice.others]
+    flag = f", or --stand {', '.join(others)}" if others else ""
+    return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
 
 
-def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
-    points = [foot.points for foot in stands]
-    if tips(surface, points):
-        return "; it is also held down there, because its middle lies outside of them"
-    line = "; it would turn about the line through them: add a support beside that line"
-    return line if turns(surface, points) else ""
+def _questions(proposal: Proposal) -> Iterator[str]:
+    """Yield the doubts about the unit, the vertical axis and the supports."""
+    given, choice, best = proposal.given, proposal.given.choice, proposal.given.choice.best
+    if unit := choice.rival_unit:
+        words = next(decision.choice for decision in given.decisions if decision.topic == "unit")
+        yield f"is {given.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
+    if "support" in proposal.plan.marks or proposal.wishes.stand:
+        return
+    for rival in choice.rivals:
+        if rival.up != best.up:
+            words = f"does the axis {best.up} of {given.name} point to the sky, or {rival.up}?"
+            yield f"{words} {best.up} is taken; if that is wrong, add --up {rival.up}"
+        else:
+            names = [place_words(each.reading.places) for each in (best, rival)]
+            yield (
+                f"is {given.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add --stand "
+                f"{rival.reading.word}"
+            )
+    if best.score < DOUBT:
+        guess = place_words(proposal.plan.stands)
+        yield f"what holds {given.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
@@ -167,7 +195,7 @@ def _fills(surface: Surface, size: Sizes) -> bool:
     return size.span != side or side > x or plan > 0.5 * x * y
 
 
-def _unsupported_pieces(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
+def _unsupported_pieces(surface: Surface, stands: tuple[Place, ...]) -> Iterator[Decision]:
     count, piece = surface.pieces
     if count == 1 or not stands:
         return

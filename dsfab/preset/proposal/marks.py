@@ -8,8 +8,8 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import metres_per
-from dsfab.preset.proposal.feet import Foot
 from dsfab.preset.proposal.reading import Decision, UserMesh
+from dsfab.preset.proposal.readings import Place
 from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import Marks, marks_on_layers
 
@@ -76,12 +76,12 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
         yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 
-def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Foot, ...]:
+def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Place, ...]:
     """Return the supports that the file marks; empty without marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]
-    return (Foot("support as drawn", np.concatenate([layer_marks.points, *layer_marks.curves]), 0.0),)
+    return (Place("support as drawn", np.concatenate([layer_marks.points, *layer_marks.curves])),)
 
 
 def _kind_lines(word: str, layer_marks: Marks, newtons: float) -> list[str]:

@@ -10,10 +10,13 @@ from typing import Any, get_args
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from dsfab.core.arrays import Floats, polygon_perimeter
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
+from dsfab.preset.proposal.judgement import Choice, choice
+from dsfab.preset.proposal.readings import SOLE, Place, soles
+from dsfab.preset.proposal.shape import is_figure, is_nearly_closed
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
     RawMesh,
@@ -31,83 +34,35 @@ from dsfab.surface import (
     upright_vertices,
 )
 
-CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
-"""Least lead of the score of axis y over that of z, by suffix of the file. It is 0.5 for formats that mostly have z up.
-It is infinite where the format or program defines the vertical axis (z for glTF, whose axes the reader turns)."""
-CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
-
-SLICE = 0.05
-"""Share of the height that counts as the bottom, or as the top, of a surface."""
-SOLE = 0.03
-"""A surface stands on its vertices within this share of the height above its lowest point."""
+Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
+"""Suffixes of files whose format or program defines z as the vertical axis (for glTF, whose axes the reader turns)."""
+MOSTLY_Z = (".stl", ".step", ".stp", ".brep")
+"""Suffixes of files that mostly have z up."""
+Y_UP = 0.7
+"""Factor on the scores of a vertical axis y: z is up unless y is plainly better (Blender, web tools)."""
 GROUND = 1e-3
 """Vertices nearer to the plane through the origin than this share of the surface's size touch the plane."""
 
 
-def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
-    """Return the likely vertical axis: y or -y if the surface clearly stands better on it (Blender, web tools), else z.
+def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
+    """Return the possible vertical axes of a surface, each with a factor on the scores of its readings.
 
-    suffix : suffix of the file, with the dot; some formats need a clearer result for y, see `CLEAR_IN`.
+    suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
-
-    Three criteria judge an open surface: its area in plan, the length of its boundary at the bottom minus that at the
-    top, and its stability. Stability alone judges a closed surface. Surfaces that end in level rings, such as a tower
-    or a bowl, have z up. -y is possible only for surfaces that reach below y = 0. A wall has no area in plan. If a wall
-    stands on the ground with a long edge, its axis is z, or y for programs with y up."""
-    if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
-        return "z"
-    if usual == "y" and _stands_on_ground(surface, "y"):
-        return "y"
-    below = surface.V[:, 1].min() < -GROUND * surface.size  # -y up is possible
-    axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
-    score = {axis: _standing(surface, axis) for axis in axes}
-    best_axis = max(axes, key=lambda axis: score[axis])
-    return best_axis if score[best_axis] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), 0.1) else "z"
-
-
-def _stands_on_ground(surface: Surface, up: Up) -> bool:
-    """Return True for a wall or screen that stands with a long edge on the plane through the origin.
-    With a wrong vertical axis its face would cross or touch that plane. A roof with y up is above y = 0."""
-    V = upright_vertices(surface.V, up)
-    level, y = V[:, 2], V[:, 1]  # y: coordinate along the other possible vertical axis
-    limit = GROUND * surface.size
-    if abs(level.min()) > limit or not (y.min() < -limit < limit < y.max() or np.ptp(y) < limit):
-        return False
-    ends = surface.edges.ends[surface.edges.boundary]
-    on_ground = (np.abs(level[ends]) <= limit).all(axis=1)
-    length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
-    return bool(length[on_ground].sum() > 0.7 * np.ptp(V[:, 0]))
-
-
-def _ends_in_level_rings(surface: Surface) -> bool:
+    -y is possible only for surfaces that reach below y = 0. A closed surface has the axis on which it stands best."""
+    y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
+    if usual == "z" or suffix.lower() in Z_UP:
+        return {"z": 1.0}
+    below = surface.V[:, 1].min() < -GROUND * surface.size
     if is_nearly_closed(surface):
-        return False
-    flat = SLICE * float(np.ptp(surface.V[:, 2]))
-    rings = [surface.V[loop] for loop in surface.loops]
-    length = np.array([polygon_perimeter(ring) for ring in rings])
-    level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
-    return bool(length[level].sum() > 0.8 * length.sum())  # the rest are edges of doors and windows
-
-
-def _standing(surface: Surface, up: Up) -> float:
-    """Return the score of a surface with the axis `up`: 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
-    V = upright_vertices(surface.V, up)
-    stability = _stability(V, surface)
-    if is_nearly_closed(surface):
-        return stability
-    plan = float(surface.areas @ np.abs(surface.normals[:, "xyz".index(up[-1])]) / surface.area)
-    ends = surface.edges.ends[surface.edges.boundary]
-    length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
-    z = V[ends, 2].mean(axis=1)
-    low, high = V[:, 2].min(), V[:, 2].max()
-    bottom = length[z < low + SLICE * (high - low)].sum()
-    top = length[z > high - SLICE * (high - low)].sum()
-    return plan + float((bottom - top) / length.sum()) + 0.5 * stability
-
-
-def is_nearly_closed(surface: Surface) -> bool:
-    """Return True if the surface has no boundary except pinholes."""
-    return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
+        clear = 0.5 if suffix.lower() in MOSTLY_Z else 0.1
+        axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
+        score = {axis: _stability(upright_vertices(surface.V, axis), surface) for axis in axes}
+        best = max(axes, key=lambda axis: score[axis])
+        return {best if score[best] > _stability(surface.V, surface) + clear else "z": 1.0}
+    if usual == "y":
+        return {"y": 1.0, "z": Y_UP}
+    return {"z": 1.0, "y": y} | ({"-y": y} if below else {})
 
 
 def _stability(V: Floats, surface: Surface) -> float:
@@ -132,6 +87,8 @@ USUAL = 2.0, 100.0
 """Usual longest side (m). For a file of another size without a unit, dsfab lists the sizes in several units."""
 POSSIBLE = 0.2, 500.0
 """Longest side (m) of the sizes in several units that `dsfab inspect` lists."""
+UNLIKELY = 0.02
+"""Units that are less likely than this are not listed."""
 GUESSED = ("mm", "cm", "m", "in", "ft")
 """Possible units of files without a unit."""
 
@@ -150,49 +107,61 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class UserMesh:
-    """The user's mesh as a surface (metres, z up), with its keys of [surface]. repaired : texts about its repairs."""
+    """The user's mesh as a surface (metres, z up), with its keys of [surface].
+    choice : its unit, axis and supports.    places : the supports in the coordinates of the surface.
+    repaired : texts about its repairs."""
 
     surface: Surface
     name: str
     keys: dict[str, Any]
     decisions: tuple[Decision, ...]
+    choice: Choice
+    places: tuple[Place, ...]
     repaired: tuple[str, ...] = ()
 
 
 def mesh_in_file(
-    path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
+    path: Path,
+    unit: str | None,
+    up: Up | None,
+    max_triangles: int | None = None,
+    raw: RawMesh | None = None,
+    stand: str = "",
 ) -> UserMesh:
-    """Return the mesh in a file; by default dsfab guesses its unit and vertical axis.
-    max_triangles : limit for the file. raw : content of the file, if the caller has read it.
+    """Return the mesh in a file; by default dsfab chooses its unit and vertical axis.
+    max_triangles : limit for the file.    raw : content of the file, if the caller has read it.
+    stand         : what holds it, see `choice`.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
-    unit_is_given, unit = unit is not None, unit or unit_guess(raw)
-    keys: dict[str, Any] = {"file": str(path), "unit": unit}
+    scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
+    better = mended_raw_mesh(raw, scan, usual)
+    file_surface = surface_of_file(path, better, usual)
+    surface = file_surface.surface
+    is_open = unit is None and raw.unit is None and not is_figure(surface)
+    axes = {up: 1.0} if up else possible_axes(surface, path.suffix, raw.up)
+    numbers = Surface(surface.V / metres_per(usual), surface.F) if is_open else surface
+    chosen = choice(numbers, axes, "" if is_open else usual, stand)
+    if chosen.unit != usual:
+        better = mended_raw_mesh(raw, scan, chosen.unit)
+        file_surface = surface_of_file(path, better, chosen.unit)
+        surface = file_surface.surface
+    keys: dict[str, Any] = {"file": str(path), "unit": chosen.unit}
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
-    scan = is_scan(raw.V, raw.F)
-    better = mended_raw_mesh(raw, scan, unit)
-    mends = better.record.repaired[len(raw.record.repaired) :]
-    file_surface = surface_of_file(path, better, unit)
-    surface = file_surface.surface
-    unit_is_known = raw.unit is not None or unit_is_given
-    unit_words = f"{unit}{', as the file says' if raw.unit == unit else ''}: it is {_box(surface)}"
-    doubt = size_doubt(np.ptp(surface.V, axis=0).tolist(), unit)
-    unit_words += doubt or ("" if unit_is_known else _alternative_units(surface, unit))
-    decisions = [Decision("unit", unit_words, "surface.unit, or --unit cm")]
-    for remark in raw.record.remarks:
-        decisions.append(Decision("file", remark))
-    if mends:
+    words = _unit_words(surface, chosen, raw.unit, unit)
+    decisions = [Decision("unit", words, "surface.unit, or --unit cm")]
+    decisions += [Decision("file", remark) for remark in raw.record.remarks]
+    if mends := better.record.repaired[len(raw.record.repaired) :]:
         key = "repair" if scan else "mend"
         keys[key] = True
         decisions.append(Decision("mended", ("as a raw scan: " if scan else "") + "; ".join(mends), f"surface.{key}"))
     for remark in file_surface.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
     decisions += [Decision("sheets", remark) for remark in parallel_remarks(surface.V, surface.F)]
-    surface, up, turned = _with_z_up(surface, up, path.suffix, raw.up)
-    if up != "z":
-        keys["up"] = up
+    surface, turned = _with_z_up(surface, chosen, up)
+    if chosen.best.up != "z":
+        keys["up"] = chosen.best.up
     decisions.append(turned)
     origin = _origin(surface)
     if any(origin):
@@ -201,7 +170,14 @@ def mesh_in_file(
         where = f"{coordinates(origin)} m of the file"
         why = "it lies so far away that other programs have too few digits; move what is written back by that"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
-    return UserMesh(surface, preset_name(path), keys, tuple(decisions), file_surface.record.repaired)
+    places = _places(surface, chosen, np.array(origin))
+    return UserMesh(surface, preset_name(path), keys, tuple(decisions), chosen, places, file_surface.record.repaired)
+
+
+def _places(surface: Surface, chosen: Choice, origin: Floats) -> tuple[Place, ...]:
+    """Return the chosen supports in the coordinates of the surface; those of a closed one are parts of its own mesh."""
+    reading = chosen.best.reading
+    return soles(surface) if reading.word == "sole" else tuple(place.moved(origin) for place in reading.places)
 
 
 def preset_name(mesh: str | Path) -> str:
@@ -211,7 +187,7 @@ def preset_name(mesh: str | Path) -> str:
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", stem).strip("_.-") or "mesh"
 
 
-def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
+def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None, stand: str = "") -> UserMesh:
     """Return a mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
     Raises SurfaceError for an invalid mesh."""
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
@@ -223,26 +199,25 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> UserMesh:
     if better.repairs:
         surface = Surface.from_mesh(better.V, better.F)
         decisions.append(Decision("mended", "; ".join(better.repairs)))
-    surface, _, turned = _with_z_up(surface, up)
-    return UserMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
+    chosen = choice(surface, {up: 1.0} if up else possible_axes(surface), "m", stand)
+    surface, turned = _with_z_up(surface, chosen, up)
+    places = _places(surface, chosen, np.zeros(3))
+    return UserMesh(surface, "roof", {"mesh": surface}, (*decisions, turned), chosen, places)
 
 
-def _with_z_up(
-    surface: Surface, up: Up | None, suffix: str = "", usual: str | None = None
-) -> tuple[Surface, Up, Decision]:
-    guess = likely_up(surface, suffix, usual) if up is None else up
-    turned = surface if guess == "z" else Surface(upright_vertices(surface.V, guess), surface.F)
-    other_axis = "y" if guess == "z" else "z"
-    change = f"surface.up, or --up {other_axis}"
-    if up is not None:
-        return turned, guess, Decision("up", f"{up}, as you say", change)
-    if guess != "z":
-        lies = f"with z up it would lie on its side or back; {guess} is taken for the vertical axis"
-        return turned, guess, Decision("up", lies, change)
+def _with_z_up(surface: Surface, chosen: Choice, given: Up | None) -> tuple[Surface, Decision]:
+    up = chosen.best.up
+    turned = surface if up == "z" else Surface(upright_vertices(surface.V, up), surface.F)
+    change = f"surface.up, or --up {'y' if up == 'z' else 'z'}"
+    if given is not None:
+        return turned, Decision("up", f"{up}, as you say", change)
+    if up != "z":
+        lies = f"with z up it would lie on its side or back; {up} is taken for the vertical axis"
+        return turned, Decision("up", lies, change)
     low, _, high = np.sort(np.ptp(turned.V, axis=0))
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
     words = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
-    return turned, guess, Decision("up", words, change)
+    return turned, Decision("up", words, change)
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
@@ -261,10 +236,17 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
-def _alternative_units(surface: Surface, unit: str) -> str:
-    sides = np.ptp(surface.V, axis=0).tolist()
-    alternatives = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
-    return f" (the file does not say; {'; '.join(alternatives)})" if alternatives else ""
+def _unit_words(surface: Surface, chosen: Choice, said: str | None, given: str | None) -> str:
+    """Return the decision on the unit: the size of the surface, and its size in other likely units."""
+    sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
+    words = f"{unit}{', as the file says' if said == unit else ''}: it is {_box(surface)}"
+    others = sizes_in_other_units(sides, unit, USUAL)
+    if chosen.units:
+        likely = [f"--unit {name}:" for name, share in chosen.units[1:] if share > UNLIKELY]
+        others = [other for other in others if other.startswith(tuple(likely))] if likely else []
+    elif USUAL[0] <= max(sides) <= USUAL[1] or said or given:
+        others = []
+    return words + (size_doubt(sides, unit) or (f" (the file does not say; {'; '.join(others)})" if others else ""))
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:

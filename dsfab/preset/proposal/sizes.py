@@ -7,6 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, face_angles
+from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
 MEMBERS = 16
@@ -113,11 +114,6 @@ def shorter_side(surface: Surface) -> float:
 def slenderness(material: str) -> int:
     """Return the ratio of span to thickness for a material."""
     return SLENDER["steel" if material in STEEL else "timber"]
-
-
-def is_figure(surface: Surface) -> bool:
-    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
-    return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
 
 
 def two_digits(x: float) -> float:

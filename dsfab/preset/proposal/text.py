@@ -1,84 +1,59 @@
-"""Text of a proposed preset with comments, with the proposed lines for snow and wind."""
+"""`Plan`: the values of a proposed preset, and its text with comments."""
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
-from dsfab.preset.proposal.feet import Foot, stems
+from dsfab.preset.proposal.loads import load_tables
 from dsfab.preset.proposal.marks import TABLES, mark_tables
-from dsfab.preset.proposal.reading import UserMesh, is_nearly_closed
-from dsfab.preset.proposal.sizes import MODEL, Sizes, is_figure
-from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
+from dsfab.preset.proposal.reading import UserMesh
+from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.shape import is_figure
+from dsfab.preset.proposal.sizes import Sizes
+from dsfab.surface import Ball, Boundary, Box, Marks, Surface
 
-
-def snow_on_top(surface: Surface) -> str | None:
-    """Return the picker of faces with snow on an open surface that is not a roof, such as the upper part of a ball.
-    Normals may point in or out. None for models, and for surfaces without a top (wall, tower) or without an outside."""
-    edge = float(surface.edge_lengths[surface.edges.boundary].sum())
-    if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
-        return None
-    outwards = np.einsum("mi,mi,m->", surface.normals, surface.centroids - surface.V.mean(axis=0), surface.areas)
-    up = 1.0 if outwards > 0 else -1.0
-    slides = 60  # degrees; snow slides off steeper faces [EN 1991-1-3, table 5.2]
-    lies = up * surface.normals[:, 2] > np.cos(np.radians(slides))
-    if float(surface.areas[lies].sum()) < 0.15 * surface.area:
-        return None
-    return f'pick = "facing", direction = [0.0, 0.0, {up}], angle = {slides}'
-
-
-def wind_lines(surface: Surface) -> list[str]:
-    """Return lines of a preset for wind on the broadest side of a surface that is not a roof; empty for a model."""
-    if surface.size < MODEL or _one_sided(surface):
-        return []
-    seen: Floats = surface.areas @ np.abs(surface.normals)
-    direction = [0.0, 1.0, 0.0] if seen[1] > seen[0] else [1.0, 0.0, 0.0]
-    comment = "# Wind governs many upright surfaces; use these lines with the numbers of your local code:"
-    load = ('kind = "wind"', "pressure = 500.0", f"direction = {direction}")
-    return [comment, "# [[surface.load]]", *(f"# {line}" for line in load)]
-
-
-def _one_sided(surface: Surface) -> bool:
-    return bool(one_sided_pieces(surface.F, surface.edges).any())
-
-
-SNOW = 750.0
-"""Placeholder for the snow on the plan (Pa); the user must replace this value by that of the local code."""
 SHARE = 0.45
 """Share of the surface that stays material."""
 
 
-def proposal_text(
-    user_mesh: UserMesh,
-    keys: Mapping[str, Any],
-    notes: Mapping[str, str],
-    size: Sizes,
-    stands: tuple[Foot, ...],
-    snow: bool,
-    marks: Mapping[str, Marks],
-) -> str:
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """Values of a proposed preset.
+    stands   : its supports.    built_in : true if they do not let the sheet turn.
+    loads    : pressures by name (Pa), besides its weight.    marks : marks of the file, which replace supports."""
+
+    size: Sizes
+    stands: tuple[Place, ...]
+    built_in: bool
+    loads: Mapping[str, float]
+    marks: Mapping[str, Marks] = field(default_factory=dict)
+
+
+def proposal_text(user_mesh: UserMesh, plan: Plan, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
     """Return the preset as TOML with comments.
-    keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic.
-    marks : marks of the file, which replace proposed feet."""
+    keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic."""
+    size, stands, marks = plan.size, plan.stands, plan.marks
     surface, stand = user_mesh.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # curves in the file have the old origin
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
         _entry("name", user_mesh.name),
-        _entry("description", _description(surface, size, stands, snow)),
+        _entry("description", _description(surface, plan)),
     ]
     parts = (
         head,
         _surface(keys, notes, size),
-        *_supports(surface, size, stand),
+        *(_support(surface, plan, place) for place in stand),
         *(table for table in tables if table[0] == TABLES["support"]),
-        *_loads(surface, snow),
+        *load_tables(surface, plan.loads),
         *(table for table in tables if table[0] == TABLES["load"]),
-        _statics(size),
+        _statics(plan),
+        *_diffusion(plan),
         _pattern(surface, size),
         *(table for table in tables if table[0] not in TABLES.values()),
         *_families(size),
@@ -112,46 +87,38 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
         yield _entry("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
 
-def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
-    for foot in stands:
-        yield _support(surface, size, foot)
-    for stem in stems(surface, stands, size.span):  # a surface that stands on a stem needs no supports at its rim
-        yield [
-            f"# {line}"
-            for line in (
-                "For a surface that stands on a stem, use these lines instead:",
-                *_support(surface, size, stem),
-            )
-        ]
-
-
-def _support(surface: Surface, size: Sizes, foot: Foot) -> list[str]:
+def _support(surface: Surface, plan: Plan, place: Place) -> list[str]:
     digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
-    picker = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
-    if isinstance(picker, Boundary):
-        pick = f'pick = "boundary", loop = {picker.loop}'
-    else:
-        pick = f'pick = "box", min = {list(picker.min)}, max = {list(picker.max)}'
-        pick += ", boundary = true" if picker.boundary else ""
-    metres = f"{length(foot.length)} of free edge" if foot.length else ""
-    return ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
+    picker = place.picker(0.25 * (plan.size.edge or surface.mean_edge), digits)
+    pick = ", ".join(f"{key} = {_toml(value)}" for key, value in _picker_values(picker))
+    metres = f"{length(place.length)} of free edge" if place.length else ""
+    lines = ["[[surface.support]]", _entry("name", place.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
+    return lines + ([_entry("clamp", True, "built in: it cannot turn about this edge")] if plan.built_in else [])
 
 
-def _loads(surface: Surface, snow: bool) -> Iterator[list[str]]:
-    yield ["[[surface.load]]", _entry("kind", "self_weight")]
-    pressure = _entry("pressure", SNOW, "Pa on the plan: a placeholder for your local code")
-    if snow:
-        yield ["[[surface.load]]", _entry("kind", "snow"), pressure]
-    elif wind := wind_lines(surface):
-        if top := snow_on_top(surface):
-            yield ["[[surface.load]]", _entry("kind", "snow"), pressure, f"at = {{ {top} }}"]
-        yield wind
+def _picker_values(picker: Boundary | Ball | Box) -> Iterator[tuple[str, Any]]:
+    yield "pick", picker.pick
+    for each in fields(picker):
+        value = getattr(picker, each.name)
+        if each.name != "pick" and value != each.default:
+            yield each.name, value
 
 
-def _statics(size: Sizes) -> Iterator[str]:
+def _toml(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+def _statics(plan: Plan) -> Iterator[str]:
     yield "[statics]"
-    yield _entry("material", size.material, "`dsfab materials` lists all materials")
+    yield _entry("material", plan.size.material, "`dsfab materials` lists all materials")
     yield _entry("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
+    if plan.built_in:
+        yield _entry("bending", "midedge", "elements with rotations, which built-in edges need")
+
+
+def _diffusion(plan: Plan) -> Iterator[list[str]]:
+    if "wind" in plan.loads:
+        yield ["[diffusion]", _entry("follow", "combined", "the pattern follows wind from both sides")]
 
 
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
@@ -184,18 +151,17 @@ def _entry(key: str, value: Any, note: str = "") -> str:
     return f"{line:<26}  # {note}" if note else line
 
 
-def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: bool) -> str:
+def _description(surface: Surface, plan: Plan) -> str:
     x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
-    loads = "its own weight and snow" if snow or snow_on_top(surface) else "its own weight"
-    return (
-        f"{x} x {y}, {z} high, {size.material} of {length(size.thickness)}, on {_support_words(stands)}, under {loads}."
-    )
+    loads = " and ".join(["its own weight", *plan.loads])
+    sheet = f"{plan.size.material} of {length(plan.size.thickness)}"
+    return f"{x} x {y}, {z} high, {sheet}, on {place_words(plan.stands)}, under {loads}."
 
 
-def _support_words(stands: tuple[Foot, ...]) -> str:
-    kinds = {foot.name.rstrip("0123456789 ") for foot in stands}
+def place_words(stands: Sequence[Place]) -> str:
+    """Return supports in a few words: 'its base ring', '4 feet'."""
+    kinds = list(dict.fromkeys(place.name.rstrip("0123456789 ") for place in stands))
     if len(stands) == 1:
-        return f"its {stands[0].name}"
-    if len(kinds) > 1:
-        return f"{len(stands)} parts of its edge"
-    return f"{len(stands)} {'feet' if 'foot' in kinds else kinds.pop() + 's'}"
+        return f"its {kinds[0]}"
+    plural = {"foot": "feet"}.get(kinds[0], f"{kinds[0]}s")
+    return f"{len(stands)} {plural}" if len(kinds) == 1 else f"{len(stands)} parts of its edge"

@@ -22,10 +22,13 @@ EDGE_ON = 1e-12  # A face is parallel to a direction if the cosine between norma
 class Snow:
     """A load in pascals per *plan* area along `direction` (any length): the force s A |n . d| d on each face.
 
-    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. Reduce s, or pick fewer faces, where snow
-    slides off. An open sheet carries snow on all faces, whatever side their normals point to, so pick only the upper
-    part of an overhanging sheet. On a closed surface only faces that look against `direction` carry snow.
+    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]. An open sheet carries snow on all faces,
+    whatever side their normals point to, so pick only the upper part of an overhanging sheet. On a closed surface only
+    faces that look against `direction` carry snow.
 
+    shape   : "mu1" if the pressure is that of snow on the ground, s_k: the slope of each face then gives the shape
+              factor (see `snow_shape_factor`); "" if the pressure has its factor.
+    kind    : "imposed" for people and services on the plan [EN 1991-1-1, 6.3].
     covered : true if a cover of the openings carries the snow to the ribs; otherwise the snow lies on the ribs alone.
     """
 
@@ -33,26 +36,38 @@ class Snow:
     pressure: Real
     direction: Vector = (0.0, 0.0, -1.0)
     at: Picker = field(default_factory=All)
-    kind: Literal["snow"] = "snow"
+    kind: Literal["snow", "imposed"] = "snow"
     case: CaseName = "load"
     name: Name = ""
     covered: bool = True
+    shape: Literal["", "mu1"] = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
         """Return the traction (m, 3), Pa. Its sum over the areas is `pressure` times the plan area of the faces."""
-        _require_pressure("snow", self.pressure)
-        d = unit_vector(self.direction, "a load of kind 'snow'")
+        _require_pressure(self.kind, self.pressure)
+        d = unit_vector(self.direction, f"a load of kind '{self.kind}'")
         towards = -(outward_normals(surface) @ d)
         two_sided = ~one_sided_pieces(surface.F, surface.edges)
         lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
-        plan = np.where(picked_faces(surface, self.at, "snow"), lying, 0.0)
+        plan = np.where(picked_faces(surface, self.at, self.kind), lying, 0.0)
+        if self.shape:
+            plan = plan * snow_shape_factor(np.degrees(np.arccos(np.clip(np.abs(towards), 0.0, 1.0))))
         if plan.max() <= EDGE_ON:
-            raise SurfaceError("a load of kind 'snow' misses every picked face; pick faces that are not vertical")
+            raise SurfaceError(
+                f"a load of kind '{self.kind}' misses every picked face; pick faces that are not vertical"
+                + (" or steeper than 60 degrees" if self.shape else "")
+            )
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
 
     def forces(self, surface: Surface, weight: float) -> Floats:
         """Return the forces (n, 3), newtons."""
         return forces_at_corners(surface, self.traction(surface) * surface.areas[:, None])
+
+
+def snow_shape_factor(slope: Floats) -> Floats:
+    """Return the shape factor mu_1 (m,) of roofs by their slope, degrees [EN 1991-1-3:2003, table 5.2].
+    It is 0.8 up to 30 degrees and 0 from 60 degrees on, where snow slides off; between them it falls evenly."""
+    return np.asarray(0.8 * np.clip((60.0 - slope) / 30.0, 0.0, 1.0))
 
 
 @dataclass(frozen=True)

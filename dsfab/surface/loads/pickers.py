@@ -213,11 +213,22 @@ class Nearest:
 
 @dataclass(frozen=True)
 class Boundary:
-    """The vertices of all free edges, or of one boundary loop. Loop 0 is the longest in metres, loop 1 the next."""
+    """The vertices of all free edges, of one boundary loop, or of a part of a loop.
+    loop   : number of the loop: 0 is the longest in metres, 1 the next.
+    points : places (metres) near free edges, in place of a number: one for the loop that passes nearest to it; three
+             for the part of this loop from the first place, past the second, to the third."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
+    points: tuple[Vector, ...] = ()
     pick: Literal["boundary"] = "boundary"
+
+    def __post_init__(self) -> None:
+        if len(self.points) not in (0, 1, 3) or (self.points and self.loop != "all"):
+            raise ValueError(
+                "pick = 'boundary' takes a loop, or points: one for a whole loop, three for a part of it (its start, a "
+                "place on it, its end)"
+            )
 
     def vertices(self, surface: Surface) -> Bools:
         """Return the picked vertices (n,); raises SurfaceError if the surface has no such loop."""
@@ -230,9 +241,21 @@ class Boundary:
                 f"0 to {len(loops) - 1} or 'all'"
             )
         picked = np.zeros(surface.n, dtype=bool)
-        for loop in loops if self.loop == "all" else [loops[self.loop]]:
+        for loop in self._near(surface) if self.points else loops if self.loop == "all" else [loops[self.loop]]:
             picked[loop] = True
         return picked
+
+    def _near(self, surface: Surface) -> list[Ints]:
+        """Return the vertices (k,) of the loop, or of the part of it, that the points name."""
+        away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
+        loop = surface.loops[int(np.argmin(away))]
+        if len(self.points) == 1:
+            return [loop]
+        P = surface.V[loop]
+        start, past, end = (int(np.linalg.norm(P - point, axis=1).argmin()) for point in self.points)
+        if (past - start) % len(loop) > (end - start) % len(loop):
+            start, end = end, start
+        return [np.roll(loop, -start)[: (end - start) % len(loop) + 1]]
 
 
 @dataclass(frozen=True)
@@ -323,7 +346,7 @@ def picker_words(picker: _HasPick) -> str:
     values = ", ".join(
         f"{name} = {_short(value)}"
         for name, value in items
-        if name != "pick" and value is not None and value is not False
+        if name != "pick" and value is not None and value is not False and value != ()
     )
     return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")
 

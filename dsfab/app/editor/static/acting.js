@@ -57,7 +57,7 @@ export function magnitude(thing) {
   if (thing.spring && Math.max(...thing.spring) > 0) return ['spring', Math.max(...thing.spring), 'N/m'];
   if (thing.kind === 'force') return ['force', Math.hypot(...thing.force), 'N'];
   if (thing.kind === 'line') return ['per_metre', Math.hypot(...thing.per_metre), 'N/m'];
-  if (['pressure', 'snow', 'wind', 'cladding'].includes(thing.kind)) return ['pressure', Math.abs(thing.pressure), 'Pa'];
+  if (['pressure', 'snow', 'imposed', 'wind', 'cladding'].includes(thing.kind)) return ['pressure', Math.abs(thing.pressure), 'Pa'];
   return null;
 }
 
@@ -69,6 +69,7 @@ export function where(at) {
   if (at.pick === 'brush') return `painted with ${at.points.length} ${at.points.length === 1 ? 'dot' : 'dots'}`;
   if (at.pick === 'box') return 'in a box';
   if (at.pick === 'side') return `at the ${at.end === 'min' ? 'lowest' : 'highest'} ${at.axis}`;
+  if (at.pick === 'boundary' && at.points?.length) return at.points.length > 1 ? 'on a part of an edge' : 'on an edge';
   if (at.pick === 'boundary') return at.loop === 'all' || at.loop === undefined ? 'on all edges' : `on edge ${at.loop + 1}`;
   if (at.pick === 'vertices') return `on ${at.indices.length} vertices`;
   return at.pick === 'all' ? 'everywhere' : `by ${at.pick}`;

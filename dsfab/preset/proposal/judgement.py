@@ -1,0 +1,274 @@
+"""The statics that judge readings, and the choice of unit, vertical axis and supports with its doubts.
+
+The shape chooses, the statics have a veto. Score of a reading = form x carries x steady x free:
+
+form    : how far the shape says that it is held there (see `readings`).
+carries : 1 / (1 + u^2), where u is the larger of movement over `LIMIT` times the span and stress over strength. A
+          coarse sheet of a usual depth carries its weight and the usual load of its kind.
+steady  : the middle of the sheet is over what it stands on, and nothing pulls on the ground.
+free    : of readings that carry, the one that holds least of the edge is meant.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from dsfab.core.arrays import Bools, Floats, lengths, weighted_quantile
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.core.units import GRAVITY, metres_per
+from dsfab.preset.proposal.readings import (
+    DRAWN,
+    Kind,
+    Reading,
+    distinct_readings,
+    low_places,
+    numbered,
+    readings,
+    soles,
+)
+from dsfab.preset.proposal.shape import HEAD, STRIP, Shape, coarse_surface, is_nearly_closed
+from dsfab.statics import PAPER, LoadCase, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
+from dsfab.surface import Surface, Up, upright_vertices
+
+DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
+"""Usual ratio of the size to the depth of ribs, by kind."""
+LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
+"""Usual load by kind, Pa: snow, services, people, wind."""
+TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6
+"""GL24h: 24 MPa x 0.8 / 1.25."""
+LIMIT = 1 / 300
+"""Largest usual movement, as a share of the span."""
+EDGE = 0.5
+"""Part of the score that a reading loses if it holds all of the edge."""
+UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}
+"""How often architects model in a unit; programs that model in inches mostly say so in the file."""
+BUILDING, SPREAD = 18.0, 1.1
+"""Buildings are about 18 m long, within a factor of 3 (e^1.1) two times out of three."""
+LEAST, DOUBT = 0.02, 0.25
+"""Score below which a reading is not plausible, and score below which it is doubtful."""
+CLOSE = 0.75
+"""A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely."""
+OPEN = 0.15
+UNDER = 0.7
+"""Factor on a vertical axis with which a surface would lie under the ground."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A reading with its score, and the figures behind it."""
+
+    reading: Reading
+    score: float
+    up: Up
+    built_in: bool = False
+    figures: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def tips(self) -> bool:
+        """True if the middle of the sheet is so far beside its supports that they must hold it down."""
+        return not self.built_in and self.figures.get("steady", 1.0) < 0.5
+
+
+def judged(shape: Shape, reading: Reading, up: Up = "z", usual: float = 1.0) -> Judged:
+    """Return a reading of a shape with its score; `usual`: factor for the axis. A sheet that can move scores 0."""
+    if reading.kind == "object":
+        return Judged(reading, DRAWN * usual, up)
+    surface, held = shape.surface, reading.held(shape.surface)
+    free = _unheld(surface, held)
+    is_line = len(reading.places) == 1 and np.linalg.norm(np.ptp(surface.V[held], axis=0)) > 0.5 * shape.width
+    rows = held
+    if reading.kind in ("wall", "floor") or reading.word in ("edge", "edges", "ring") or is_line:
+        rows = held | np.isin(np.arange(surface.n), surface.F[held[surface.F].sum(axis=1) >= 2])
+    thick = _depth(shape, reading.kind)
+    sheet = SheetModel(surface, TIMBER, thick)
+    fixed = np.repeat((rows | free)[:, None], 3, axis=1)
+    load = LoadCase(fixed, _forces(shape, reading.kind, thick), np.zeros(surface.n, bool))
+    try:
+        answer = equilibrium(surface, sheet_stiffness(sheet, PAPER), load)
+    except DsfabError:
+        return Judged(reading, 0.0, up)
+    span = 2 * float(cKDTree(surface.V[held]).query(surface.V)[0].max())
+    if reading.kind in ("roof", "hung"):
+        span = min(span, 2 * shape.width)  # a long span is no excuse for a large movement
+    moved = float(np.quantile(lengths(answer.u), 0.99))
+    stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
+    used = max(moved / (LIMIT * span), stress / STRENGTH)
+    up_force = _upward(reading, surface, rows, answer.reaction)
+    pull = float(-np.minimum(up_force, 0).sum() / max(np.abs(up_force).sum(), 1e-12))
+    steady = float(np.clip(0.5 + _inside(shape, held) / (0.2 * shape.width), 0.05, 1) * (1 - pull))
+    if reading.kind in ("wall", "floor"):
+        steady = 1.0
+    elif is_line:
+        steady = max(steady, 0.5)
+    if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
+        steady = 0.3
+    ends = surface.edges.ends
+    rim = surface.edge_lengths * surface.edges.boundary
+    share = float(rim[held[ends].all(axis=1)].sum() / rim.sum())
+    score = (
+        reading.form
+        / (1 + used**2)
+        * steady
+        * (1 - EDGE * share)
+        * usual
+        * (1 - surface.vertex_areas[free].sum() / surface.area)
+    )
+    figures = {"form": reading.form, "used": used, "moved": moved, "span": span, "steady": steady, "held": share}
+    return Judged(reading, score, up, reading.kind == "wall" or bool(is_line), figures)
+
+
+def _unheld(surface: Surface, held: Bools) -> Bools:
+    """Return the vertices (n,) of the pieces without any held vertex."""
+    piece = np.empty(surface.n, dtype=np.int64)
+    piece[surface.F] = surface.pieces[1][:, None]
+    return ~np.isin(piece, piece[held])
+
+
+def _depth(shape: Shape, kind: str) -> float:
+    long = shape.sides[1].length if shape.ratio > STRIP else shape.width
+    size = {"floor": long, "wall": min(shape.height, shape.width, 0.4 * DEEP["wall"])}.get(kind, shape.width)
+    return size / DEEP[kind]
+
+
+def _forces(shape: Shape, kind: str, thick: float) -> Floats:
+    """Return the forces (n, 3) of the weight and of the usual load of a kind, newtons."""
+    surface = shape.surface
+    down = np.array([0.0, 0.0, -1.0])
+    pressure = surface.normals if kind == "wall" else np.abs(surface.normals[:, 2:]) * down
+    force = surface.vertex_areas[:, None] * (TIMBER.density * GRAVITY * thick) * down
+    on_corner = LOAD[kind] * pressure * (surface.areas / 3)[:, None]
+    np.add.at(force, surface.F.ravel(), np.repeat(on_corner, 3, axis=0))
+    return force
+
+
+def _upward(reading: Reading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
+    """Return the upward reaction at each place, newtons; a reaction belongs to the nearest place."""
+    points = np.concatenate([place.points for place in reading.places])
+    owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
+    nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
+    return np.bincount(nearest, reaction[rows, 2], len(reading.places))
+
+
+def _inside(shape: Shape, held: Bools) -> float:
+    """Return how far the middle of the sheet is within the outline of the held vertices in plan, metres; negative
+    beside it."""
+    P, middle = shape.surface.V[held, :2], shape.middle[:2]
+    try:
+        plane = ConvexHull(P).equations
+        return float(-(plane[:, :2] @ middle + plane[:, 2]).max())
+    except (QhullError, ValueError):  # all in one line
+        across = np.linalg.svd(P - P.mean(axis=0))[2][-1] if len(P) > 1 else np.zeros(2)
+        return -abs(float((middle - P.mean(axis=0)) @ across))
+
+
+def likely_units(shape: Shape) -> list[tuple[str, float]]:
+    """Return (unit, probability), the likeliest first, for a shape in the numbers of its file.
+    Buildings have usual sizes, and people can stand below what comes down to the ground."""
+    V = shape.surface.V
+    size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
+    narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
+    comes_down = shape.plan_share < 0.4 or shape.height > 0.25 * narrow
+    weight = {}
+    for unit, usual in UNITS.items():
+        metres = metres_per(unit)
+        weight[unit] = usual * float(np.exp(-0.5 * (np.log(metres * size / BUILDING) / SPREAD) ** 2))
+        weight[unit] *= 0.1 if comes_down and not HEAD <= metres * shape.height <= 40 else 1.0
+    total = sum(weight.values())
+    return sorted(((unit, share / total) for unit, share in weight.items()), key=lambda each: -each[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """The judged readings of a surface, the best first.
+    unit, units : its unit, and how likely each unit is; empty if the unit is known.
+    shape       : the coarse shape of the best reading."""
+
+    ranking: tuple[Judged, ...]
+    unit: str
+    units: tuple[tuple[str, float], ...]
+    shape: Shape
+
+    @property
+    def best(self) -> Judged:
+        return self.ranking[0]
+
+    def require_plausible(self) -> None:
+        """Raise PresetError if no reading is plausible, with what was tried."""
+        if self.best.score < LEAST:
+            tried = "; ".join(f"{each.reading.word} ({each.up} up): {_flaw(each)}" for each in self.ranking[:4])
+            raise PresetError(
+                f"no way to hold the surface is plausible; tried {tried}; name what holds it with --stand, its unit "
+                "with --unit, or its vertical axis with --up"
+            )
+
+    @property
+    def rivals(self) -> list[Judged]:
+        """Judged readings that are close to the best one, at most two."""
+        return [each for each in self.ranking[1:] if each.score > CLOSE * self.best.score][:2]
+
+    @property
+    def others(self) -> list[Judged]:
+        """The next best readings with the same axis, at most three."""
+        same = [each for each in self.ranking[1:] if each.up == self.best.up and each.score > LEAST]
+        return same[:3]
+
+    @property
+    def rival_unit(self) -> str:
+        """A unit that is likely, too; else empty."""
+        return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
+
+
+def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> Choice:
+    """Return the choice for a surface with edges.
+
+    surface : in metres, or in the numbers of its file if the unit is open.
+    axes    : possible vertical axes, each with a factor on its scores.
+    unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
+    Raises PresetError if no reading is plausible, or if no reading has the word."""
+    coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
+    choices = []
+    for up, factor in axes.items():
+        shape = Shape(Surface(upright_vertices(coarse.V, up), coarse.F))
+        units = [] if unit else likely_units(shape)
+        if units:
+            shape = Shape(Surface(shape.surface.V * metres_per(units[0][0]), coarse.F))
+        z = shape.surface.V[:, 2]
+        usual = factor * (UNDER if z.min() < -0.2 * np.ptp(z) else 1.0)
+        ranking = [judged(shape, reading, up, usual) for reading in _readings(shape, stand)]
+        choices.append((ranking, units[0][0] if units else unit, tuple(units), shape))
+    ranking = sorted((each for ranking, *_ in choices for each in ranking), key=lambda each: -each.score)
+    if not ranking:
+        raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
+    best = next(each for each in choices if ranking[0] in each[0])
+    return Choice(tuple(ranking), *best[1:])
+
+
+def _readings(shape: Shape, stand: str) -> list[Reading]:
+    if shape.is_object:
+        return [Reading("sole", "object", soles(shape.surface), DRAWN)]
+    if not stand:
+        return distinct_readings(shape)
+    try:
+        reach = float(stand)
+    except ValueError:
+        return [reading for reading in readings(shape) if reading.word == stand]
+    kind: Kind = "wall" if shape.wall > 0.5 else "floor" if shape.is_floor else "roof"
+    return [Reading(stand, kind, numbered("base", low_places(shape, reach)), DRAWN)]
+
+
+def _no_word(stand: str, known: Sequence[Reading]) -> str:
+    words = ", ".join(dict.fromkeys(reading.word for reading in known))
+    return f"--stand {stand}: the surface has no such place; use {words}, or a height over its lowest point in metres"
+
+
+def _flaw(each: Judged) -> str:
+    if not each.figures:
+        return "it would move without resistance"
+    flaws = {
+        f"it uses {each.figures['used']:.2g} times what is allowed": each.figures["used"] - 1,
+        "it would tip": 0.5 - each.figures["steady"],
+        "its shape does not show this": 0.3 - each.figures["form"],
+    }
+    return max(flaws, key=lambda words: flaws[words])

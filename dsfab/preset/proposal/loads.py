@@ -1,0 +1,140 @@
+"""Loads of a proposal by the kind of surface: snow, people, services and wind, each a placeholder for a local code."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.core.errors import PresetError
+from dsfab.preset.proposal.shape import is_nearly_closed
+from dsfab.surface import Surface, one_sided_pieces
+
+USUAL_LOAD = {"roof": "snow", "hung": "services", "floor": "people", "wall": "wind"}
+"""Load of a surface besides its weight, by kind."""
+LINE_OF_COMMENT = {
+    "snow": "Pa on the ground: a placeholder for the value of your code [EN 1991-1-3]",
+    "people": "Pa on the plan, people in crowds: a placeholder [EN 1991-1-1, table 6.2, category C5]",
+    "services": "Pa on the plan, lights and pipes: a placeholder for what hangs from it",
+    "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
+}
+PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}
+"""Placeholders, Pa."""
+AROUND = 0.3
+"""A wall whose normals add up to less than this share of its area goes around, as a tower; else it stands free."""
+
+
+@dataclass(frozen=True)
+class Wishes:
+    """What the user says about a surface of their own, in place of dsfab's choice.
+    stand    : word of a reading (feet, loops, edge ...), or a height in metres: the edge up to it is held; "" for none.
+    built_in : true if the supports do not let the sheet turn.
+    loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""
+
+    stand: str = ""
+    built_in: bool = False
+    loads: tuple[str, ...] = ()
+
+    def pressures(self, kind: str, is_model: bool) -> dict[str, float]:
+        """Return the loads of a surface with their pressures (Pa) by name, without its weight. A printed model has
+        none by default. Raises PresetError for an unknown load, and for a value that is no positive number."""
+        if not self.loads:
+            usual = None if is_model else USUAL_LOAD.get(kind)
+            return {usual: PRESSURE[usual]} if usual else {}
+        pressures = {}
+        for text in self.loads:
+            name, _, value = text.partition("=")
+            number = _positive(value) if value else PRESSURE.get(name, 0.0) / 1000
+            if name == "none":
+                continue
+            if name not in PRESSURE or not number:
+                words = ", ".join(PRESSURE)
+                raise PresetError(f"--load {text} is not known; use {words} or none, with a value in kPa: snow=1.2")
+            pressures[name] = 1000 * number
+        return pressures
+
+
+def _positive(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0
+    return value if 0 < value < np.inf else 0.0
+
+
+def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
+    """Return the loads in words: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
+    on = {
+        "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, by its slope [EN 1991-1-3, 5.3]",
+        "people": "on the plan [EN 1991-1-1, table 6.2]",
+        "services": "on the plan",
+        "wind": "from both sides [EN 1991-1-4, 7.4]",
+    }
+    parts = [f"{name} of {pressure / 1000:g} kPa {on[name]}" for name, pressure in pressures.items()]
+    placeholder = ", a placeholder for your local code" if parts else ""
+    return " and ".join(["its own weight", *parts]) + placeholder
+
+
+def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[list[str]]:
+    """Yield the tables of the loads as lines of a preset. Wind from each side is a case of its own, with the weight."""
+    cases = ["wind", "wind_back"] if "wind" in pressures else []
+    if len(pressures) > 1 or not cases:
+        yield ["[[surface.load]]", 'kind = "self_weight"']
+        for name in pressures:
+            if name != "wind":
+                yield list(_vertical(surface, name, pressures[name]))
+    for case, way in zip(cases, (1.0, -1.0), strict=False):
+        direction = [float(x) for x in np.round(way * broadside(surface), 3) + 0.0]
+        yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
+        lines = ["[[surface.load]]", 'kind = "wind"', _line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
+        lines += [f"direction = {direction}", f'case = "{case}"']
+        if not _goes_around(surface):
+            note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
+            lines += [_line("windward", 1.2, note), "leeward = 1.2"]
+        yield lines
+
+
+def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:
+    yield "[[surface.load]]"
+    yield f'kind = "{"snow" if name == "snow" else "imposed"}"'
+    yield from () if name == "snow" else (f'name = "{name}"',)
+    yield _line("pressure", pressure, LINE_OF_COMMENT[name])
+    if name == "snow":
+        yield _line("shape", "mu1", "less snow on steep faces, none from 60 degrees on [table 5.2]")
+        if picker := snow_picker(surface):
+            yield f"at = {{ {picker} }}"
+
+
+def _line(key: str, value: object, note: str) -> str:
+    line = f"{key} = {json.dumps(value)}"
+    return f"{line:<26}  # {note}"
+
+
+def snow_picker(surface: Surface) -> str:
+    """Return the picker of the top of a surface that overlaps itself in plan, such as a ball; empty for a roof.
+    Normals may point in or out."""
+    upward = surface.normals[:, 2] * surface.areas
+    if np.abs(upward).sum() < 1.2 * abs(upward.sum()) or one_sided_pieces(surface.F, surface.edges).any():
+        return ""
+    outwards = np.einsum("mi,mi,m->", surface.normals, surface.centroids - surface.V.mean(axis=0), surface.areas)
+    return f'pick = "facing", direction = [0.0, 0.0, {1.0 if outwards > 0 else -1.0}], angle = 60'
+
+
+def takes_snow(surface: Surface) -> bool:
+    """Return True for a surface whose top can be told: a roof, or a nearly closed building, but no porous object."""
+    edge = float(surface.edge_lengths[surface.edges.boundary].sum())
+    upward = surface.normals[:, 2] * surface.areas
+    is_simple = np.abs(upward).sum() < 1.2 * abs(upward.sum())
+    return bool(is_simple or (edge**2 < 16 * surface.area and not is_nearly_closed(surface)))
+
+
+def broadside(surface: Surface) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Return the horizontal unit vector (3,) across which a surface shows the largest area."""
+    n = surface.normals[:, :2]
+    x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
+    return np.array([x, y, 0.0]) * (1.0 if x + y > 0 else -1.0)
+
+
+def _goes_around(surface: Surface) -> bool:
+    total: Sequence[float] = surface.areas @ surface.normals
+    return bool(np.hypot(total[0], total[1]) < AROUND * surface.area)

@@ -1,0 +1,268 @@
+"""Readings of a shape: the ways in which an architect may mean that it is held, each a small function."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.preset.proposal.shape import DEPTH, RISE, STRIP, Edge, Shape, is_scalloped
+from dsfab.surface import Ball, Boundary, Box, Surface, link_components
+
+DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25
+"""Forms of places that the shape itself shows, that builders usually choose, and that nothing shows."""
+RARER = 0.8
+"""Factor on what hangs and on walls: most surfaces are roofs that stand."""
+LEFT = 0.7
+"""Factor on a reading that leaves necks free, or hollows where water would stand."""
+APART = 12.0
+"""Largest distance between posts along a strip, metres."""
+BAY = 7.5
+"""Usual distance between the columns of a grid, metres."""
+SOLE = 0.03
+"""A closed surface stands on its vertices within this share of the height above its lowest point."""
+
+Kind = Literal["roof", "hung", "floor", "wall", "object"]
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """A part of a surface that is held.
+    name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
+    length : length of free edge (m), 0 within the sheet.    is_loop : true for a whole loop.
+    loop   : number of the loop, if its length tells it from all others.    radius : of a disc in the sheet, metres."""
+
+    name: str
+    points: Floats
+    length: float = 0.0
+    is_loop: bool = False
+    loop: int | None = None
+    radius: float = 0.0
+
+    def __post_init__(self) -> None:
+        lock(self, "points", np.float64, (None, 3))
+
+    def moved(self, offset: Floats) -> "Place":
+        """Return the place at the points minus an offset (3,), metres."""
+        return replace(self, points=self.points - offset)
+
+    def picker(self, margin: float = 0.0, digits: int = 9) -> Boundary | Ball | Box:
+        """Return a picker of the place on any mesh of the surface; a box is larger by `margin` metres on all sides."""
+        if self.loop is not None:
+            return Boundary(self.loop)
+        if self.length:
+            steps = [0] if self.is_loop else [0, len(self.points) // 2, -1]
+            return Boundary(points=tuple(_rounded(self.points[k], digits) for k in steps))
+        if self.radius:
+            return Ball(_rounded(self.points.mean(axis=0), digits), max(round(self.radius, digits), 1.5 * margin))
+        low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
+        return Box(_rounded(low, digits), _rounded(high, digits))
+
+
+def _rounded(point: Floats, digits: int) -> tuple[float, float, float]:
+    x, y, z = (np.round(point, digits) + 0.0).tolist()
+    return x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A way in which a shape may be held.
+    word : its name for `--stand`.    form : 0 to 1, how far the shape says so."""
+
+    word: str
+    kind: Kind
+    places: tuple[Place, ...]
+    form: float
+
+    def held(self, surface: Surface) -> Bools:
+        """Return the held vertices (n,) of a mesh of the surface."""
+        return np.logical_or.reduce([place.picker().vertices(surface) for place in self.places])
+
+
+def readings(shape: Shape) -> list[Reading]:
+    """Return all readings of a shape with edges, the best form first."""
+    found = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
+    return sorted((reading for reading in found if reading.form > 0.02), key=lambda reading: -reading.form)
+
+
+def distinct_readings(shape: Shape) -> list[Reading]:
+    """Return the readings of a shape; of two that hold nearly the same, the better one."""
+    distinct = list[tuple[Reading, Bools]]()
+    for reading in readings(shape):
+        held = reading.held(shape.surface)
+        alike = (other for known, other in distinct if known.kind == reading.kind)
+        if not any((held & other).sum() > 0.75 * (held | other).sum() for other in alike):
+            distinct.append((reading, held))
+    return [reading for reading, _ in distinct]
+
+
+def _of_what_it_leaves(shape: Shape, reading: Reading) -> Reading:
+    """Return the reading with less form if it leaves necks free, or hollows under a roof."""
+    free = len(shape.heads) * (reading.word != "loops") + len(shape.lugs) * (reading.word != "hung")
+    ponds = len(shape.inner_hollows) and not shape.heads and reading.kind == "roof"
+    ponds = ponds and reading.word not in ("hollows", "columns")
+    sideways = [edge for edge in shape.small if np.hypot(*(neck := shape.neck(edge))[:2]) > max(0.4, abs(neck[2]))]
+    left = LEFT if ponds or (free > 1 and reading.kind in ("roof", "hung")) else 1.0
+    return replace(reading, form=reading.form * left * (LEFT if len(sideways) > 1 else 1.0))
+
+
+def _mean(values: Iterator[float] | Sequence[float]) -> float:
+    array = list(values)
+    return float(np.mean(array)) if array else 0.0
+
+
+def _roof(shape: Shape) -> float:
+    return (1 - shape.wall) * (0.5 if shape.is_floor else 1.0)
+
+
+def numbered(name: str, places: Sequence[Place]) -> tuple[Place, ...]:
+    """Return the places with a name, and with numbers if there are several."""
+    several = len(places) > 1
+    return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
+
+
+def _along(edge: Edge) -> Place:
+    return Place("", edge.points, edge.length, is_loop=edge.closed)
+
+
+def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[Place, ...]:
+    """Return places for whole edges; the number of a loop names it if no other one is as long within 5 %."""
+    places = []
+    for edge in edges:
+        rivals = [other for other in shape.edges if abs(other.length / edge.length - 1) < 0.05]
+        places.append(replace(_along(edge), loop=edge.loop if len(rivals) == 1 else None))
+    return numbered(name, places)
+
+
+def _discs(shape: Shape, points: Floats) -> tuple[Place, ...]:
+    return numbered("column", [Place("", point[None], radius=0.03 * shape.width) for point in points])
+
+
+def _column_heads(shape: Shape) -> Iterator[Reading]:
+    form = DRAWN * (1 - shape.wall) * min(1, 2 * _mean([shape.neck(edge)[2] for edge in shape.heads]))
+    yield Reading("loops", "roof", numbered("column", [_along(edge) for edge in shape.heads]), form)
+
+
+def _lugs(shape: Shape) -> Iterator[Reading]:
+    form = DRAWN * RARER * (1 - shape.wall) * min(1, -2 * _mean([shape.neck(edge)[2] for edge in shape.lugs]))
+    yield Reading("hung", "hung", numbered("hanger", [_along(edge) for edge in shape.lugs]), form)
+
+
+def _valleys(shape: Shape) -> list[tuple[Edge, float]]:
+    if shape.height <= 0.05 * shape.width:
+        return []
+    return [valley for edge in shape.outer for valley in edge.valleys(shape.height, shape.width / 25)]
+
+
+def _feet(shape: Shape) -> Iterator[Reading]:
+    valleys, count = _valleys(shape), 0
+    ground = min((float(edge.z.min()) for edge, _ in valleys), default=0.0)
+    for word, reach in (("feet", 0.35), ("all-feet", 0.7)):
+        low = [(edge, depth) for edge, depth in valleys if edge.z.min() <= ground + reach * shape.height]
+        if len(low) > count:
+            form = _mean([min(1, depth / (2 * DEPTH * shape.height)) for _, depth in low])
+            name = "springing line" if min(edge.length for edge, _ in low) > shape.width / 2 else "foot"
+            places = numbered(name, [_along(edge) for edge, _ in low])
+            yield Reading(word, "roof", places, (USUAL if shape.is_raised else DRAWN) * _roof(shape) * form)
+        count = len(low)
+
+
+def _whole_edges(shape: Shape) -> Iterator[Reading]:
+    outer, inner = ([edge.levelness * shape.lowness(edge) for edge in edges] for edges in (shape.outer, shape.large))
+    kind: Kind = "floor" if shape.is_floor else "roof"
+    name = "edge" if shape.is_floor else "base ring"
+    floor = max(_roof(shape), float(shape.is_floor))
+    yield Reading("edge", kind, _whole(shape, shape.outer, name), DRAWN * floor * _mean(outer))
+    drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
+    below = drop > max(0.3 * shape.height, 0.015 * shape.width)
+    usual = (DRAWN if below else USUAL) * _roof(shape)
+    yield Reading("ring", "roof", _whole(shape, shape.large, "inner edge"), usual * _mean(inner))
+    if shape.large:
+        both = USUAL * _roof(shape) * (_mean(outer) + _mean(inner)) / 2
+        yield Reading("edges", "roof", _whole(shape, [*shape.outer, *shape.large], "edge"), both)
+    high = _mean([edge.levelness * (1 - shape.lowness(edge)) for edge in shape.outer])
+    word = "rim" if shape.lugs else "hung"
+    yield Reading(word, "hung", _whole(shape, shape.outer, "upper rim"), USUAL * RARER * _roof(shape) * high)
+
+
+def _sides(shape: Shape) -> Iterator[Reading]:
+    kind: Kind = "floor" if shape.is_deck else "roof"
+    usual = DRAWN if shape.is_deck else USUAL * _roof(shape)
+    for word, two in (("ends", shape.sides[::2]), ("sides", shape.sides[1::2])):
+        low = [1.0 if shape.is_deck and word == "ends" else shape.lowness(side) for side in two]
+        form = _mean([side.straight_levelness * share for side, share in zip(two, low, strict=True)])
+        yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), usual * form)
+    if shape.ratio > STRIP:
+        apart = min(1.2 * min(end.length for end in shape.sides[::2]), APART)
+        posts = [post for side in shape.sides[1::2] for post in side.posts(apart, shape.width / 25)]
+        yield Reading("posts", "roof", numbered("post", [_along(post) for post in posts]), USUAL * _roof(shape))
+
+
+def _corners(shape: Shape) -> Iterator[Reading]:
+    """Yield the corners of any height, as a sail has, where they are not its feet."""
+    edge, corners = shape.edges[0], shape.corners
+    if not 3 <= len(corners) <= 8:
+        return
+    valleys = _valleys(shape)
+    ground = min((float(valley.z.min()) for valley, _ in valleys), default=-np.inf)
+    if edge.z[corners].max() >= ground + 0.1 * shape.height:
+        half = max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
+        places = [_along(edge.part((k - half) % len(edge.points), (k + half) % len(edge.points))) for k in corners]
+        form = DRAWN if is_scalloped(edge, corners) else ANYWHERE
+        yield Reading("corners", "roof", numbered("mast", places), form * _roof(shape))
+
+
+def _columns(shape: Shape) -> Iterator[Reading]:
+    """Yield columns under hollows, and in a grid."""
+    if len(shape.inner_hollows) and not shape.heads:
+        V = shape.surface.V
+        rises = min(float(edge.z.min()) for edge in shape.outer) > V[:, 2].min() + 0.1 * shape.height
+        places = _discs(shape, V[shape.hollows])
+        yield Reading("hollows", "roof", places, (DRAWN if rises else USUAL) * _roof(shape))
+    low, high = shape.surface.V[:, :2].min(axis=0), shape.surface.V[:, :2].max(axis=0)
+    counts = np.maximum(np.round((high - low) / BAY).astype(int), 1)
+    shares = np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count for count in counts)), axis=-1).reshape(-1, 2)
+    places = _discs(shape, shape.below(low + (high - low) * shares))
+    yield Reading("columns", "roof", places, ANYWHERE * _roof(shape))
+
+
+def _base(shape: Shape) -> Iterator[Reading]:
+    """Yield the base of a wall or a tower: the parts of its large edges that are near the ground."""
+    if shape.wall:
+        places = low_places(shape, RISE * shape.height)
+        cover = sum(place.length for place in places) / np.ptp(shape.surface.V[:, :2], axis=0).max()
+        form = DRAWN * RARER * shape.wall * min(1, cover)
+        yield Reading("base", "wall", numbered("base", places), form)
+
+
+def low_places(shape: Shape, reach: float) -> list[Place]:
+    """Return the parts of the large edges that are at most `reach` metres over the lowest point of the surface."""
+    highest, places = shape.surface.V[:, 2].min() + reach, list[Place]()
+    for edge in (*shape.outer, *shape.large):
+        low = edge.z <= highest
+        if low.all():
+            places.append(_whole(shape, [edge], "base")[0])
+            continue
+        starts, ends = np.flatnonzero(low & ~np.roll(low, 1)), np.flatnonzero(low & ~np.roll(low, -1))
+        for start in starts:
+            end = ends[(ends - start) % len(low) == ((ends - start) % len(low)).min()][0]
+            if end != start:
+                places.append(_along(edge.part(int(start), int(end))))
+    return places
+
+
+def soles(surface: Surface) -> tuple[Place, ...]:
+    """Return the lowest parts of a closed surface, on which it stands, without parts far smaller than the largest."""
+    z = surface.V[:, 2]
+    low = z <= z.min() + SOLE * np.ptp(z)
+    ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
+    _, part = link_components(surface.n, ends[:, 0], ends[:, 1])
+    groups: list[Ints] = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
+    enough = 0.1 * max(map(len, groups))
+    return numbered("foot", [Place("", surface.V[group]) for group in groups if len(group) >= enough])
+
+
+READINGS: tuple[Callable[[Shape], Iterator[Reading]], ...] = (
+    _column_heads, _lugs, _feet, _whole_edges, _sides, _corners, _columns, _base,
+)  # fmt: skip

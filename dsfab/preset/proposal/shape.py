@@ -1,0 +1,321 @@
+"""`Shape`: a coarse copy of a surface with its edges, corners, sides, necks and hollows, from which readings choose."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.signal import find_peaks
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints, lengths, lock
+from dsfab.core.errors import SurfaceError
+from dsfab.surface import Surface, polyline_length, remeshed_surface
+
+VERTICES = 1500
+"""Usual number of vertices of a coarse shape: a solve then takes about 0.05 s."""
+STEPS = 400
+"""Number of even steps along an edge, in which its heights and directions are measured."""
+SLOPE = 0.25
+"""Slope at which an edge is half a level one (14 degrees); the rim of a stand is hardly steeper."""
+CORNER = 40.0
+"""Least turn of an edge at a corner, degrees."""
+DEPTH, RISE = 0.15, 0.05
+"""The edge rises by `DEPTH` of the height between two feet; a foot itself rises by `RISE` of it."""
+SMALL = 0.15
+"""Largest length of a small loop (a column head, a lug, an opening), as a share of the longest loop."""
+STRIP = 3.0
+"""Least ratio of the long to the short sides of a strip, such as a canopy over a platform, or a footbridge."""
+NECK = 0.2
+"""Least part of the direction in which the sheet leaves a small edge that is vertical, for a column head or a lug."""
+LUG = 2.0
+"""Least height of a lug over the sheet around it, divided by its radius."""
+HEAD = 2.2
+"""Headroom, metres: what is lower does not come down to the ground, because nobody could stand below it."""
+
+
+def coarse_surface(surface: Surface) -> Surface:
+    """Return the surface, in its own unit, with about `VERTICES` vertices; as it is if it cannot have another mesh."""
+    if 0.5 * VERTICES < surface.n < 1.6 * VERTICES:
+        return surface
+    middle, size = surface.V.mean(axis=0), surface.size
+    unit = Surface((surface.V - middle) / size, surface.F)
+    try:
+        coarse = remeshed_surface(unit, float(np.sqrt(unit.area / VERTICES * 2 / np.sqrt(3))))
+    except SurfaceError:
+        return surface
+    return Surface(coarse.V * size + middle, coarse.F)
+
+
+def is_nearly_closed(surface: Surface) -> bool:
+    """Return True if the surface has no boundary except pinholes."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
+
+
+def is_figure(surface: Surface) -> bool:
+    """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """A closed free edge, or a part of it.
+    loop   : number of the boundary loop of the coarse surface.
+    points : (k, 3) even steps along it, metres; a closed edge does not repeat its first point.
+    closed : true for a whole loop."""
+
+    loop: int
+    points: Floats
+    closed: bool = True
+
+    def __post_init__(self) -> None:
+        lock(self, "points", np.float64, (None, 3))
+
+    @classmethod
+    def around(cls, loop: int, P: Floats) -> "Edge":
+        """Return the closed edge through points P (k, 3) in even steps."""
+        line = np.vstack([P, P[:1]])
+        along = np.concatenate([[0.0], np.cumsum(lengths(np.diff(line, axis=0)))])
+        even = np.linspace(0.0, along[-1], STEPS, endpoint=False)
+        return cls(loop, np.stack([np.interp(even, along, x) for x in line.T], axis=1))
+
+    @cached_property
+    def length(self) -> float:
+        """Metres."""
+        return polyline_length(np.vstack([self.points, self.points[:1]]) if self.closed else self.points)
+
+    @property
+    def z(self) -> Floats:
+        """Heights (k,) of the points."""
+        return self.points[:, 2]
+
+    def part(self, start: int, end: int) -> "Edge":
+        """Return the part of a closed edge from one point to another, both included; it goes on past the last point."""
+        run = np.arange(start, end + 1 if end >= start else end + 1 + len(self.points))
+        return Edge(self.loop, self.points[run % len(self.points)], closed=False)
+
+    @cached_property
+    def levelness(self) -> float:
+        """1 for a level edge, 1/2 where its slope (root mean square, without the zigzag of the mesh) is `SLOPE`."""
+        P = self.points[:: max(len(self.points) // 60, 1)]
+        step = np.diff(np.vstack([P, P[:1]]), axis=0) if self.closed else np.diff(P, axis=0)
+        run = lengths(step) + 1e-12
+        return float(1 / (1 + (step[:, 2] ** 2 / run).sum() / run.sum() / SLOPE**2))
+
+    @cached_property
+    def straight_levelness(self) -> float:
+        """As `levelness`, by the rise over the length, for a side that a wall or a beam goes along."""
+        return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
+
+    def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
+        """Yield low stretches of a closed edge, and how deep they are below the edge beside them, metres.
+        height : of the surface.    shortest : least length of a stretch (m); it grows on its lower side first."""
+        z, n, step = self.z, len(self.points), self.length / len(self.points)
+        tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
+        for top, depth in zip(tops - n, facts["prominences"], strict=True):
+            if not 0 <= top < n:
+                continue
+            ways = [np.maximum.accumulate(np.roll(z, -top)[::way][: n // 2 - 1]) for way in (1, -1)]
+            least = np.sort(np.concatenate(ways))[min(int(np.ceil(shortest / step)), n - 3)]
+            level = max(z[top] + RISE * height, least) + 1e-4 * height  # equal heights on both sides count alike
+            after, before = (int((way <= level).sum()) for way in ways)
+            yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
+
+    def corners(self, arm: float) -> list[int]:
+        """Return the points at which a closed edge turns most, by `CORNER` or more within an `arm` (m) on both sides.
+        An edge that goes up and down in a straight line of the plan, as that of a folded roof, has no corners there."""
+        n, reach = len(self.points), max(round(arm / self.length * len(self.points)), 1)
+        before, after = (self.points - np.roll(self.points, reach, 0), np.roll(self.points, -reach, 0) - self.points)
+        long = lengths(before) * lengths(after) + 1e-12
+        cosine = np.einsum("ki,ki->k", before, after) / long
+        plan = np.linalg.norm(before[:, :2], axis=1) * np.linalg.norm(after[:, :2], axis=1)
+        in_plan = np.einsum("ki,ki->k", before[:, :2], after[:, :2]) / np.maximum(plan, 1e-12)
+        cosine = np.where(plan > 0.25 * long, np.maximum(cosine, in_plan), cosine)
+        corners = list[int]()
+        for k in np.argsort(cosine, kind="stable").tolist():
+            apart = [min((k - j) % n, (j - k) % n) for j in corners]
+            if cosine[k] <= np.cos(np.radians(CORNER)) and all(gap > 1.5 * reach for gap in apart):
+                corners.append(k)
+        return sorted(corners)
+
+    def posts(self, apart: float, width: float) -> list["Edge"]:
+        """Return short parts (metres wide) of an open edge at even distances of about `apart` metres."""
+        n, count = len(self.points), max(round(self.length / apart), 2)
+        half = max(round(width / self.length * n / 2), 1)
+        middles = [round((k + 0.5) * (n - 1) / count) for k in range(count)]
+        return [Edge(self.loop, self.points[max(k - half, 0) : k + half + 1], closed=False) for k in middles]
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A coarse surface in metres with z up, and measures of it."""
+
+    surface: Surface
+
+    @cached_property
+    def edges(self) -> list[Edge]:
+        """Whole edges, the longest first."""
+        return [Edge.around(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
+
+    @cached_property
+    def outer(self) -> list[Edge]:
+        """The longest edge of each piece."""
+        piece = np.empty(self.surface.n, dtype=np.int64)
+        piece[self.surface.F] = self.surface.pieces[1][:, None]
+        _, first = np.unique([piece[loop[0]] for loop in self.surface.loops], return_index=True)
+        return [self.edges[k] for k in sorted(first)]
+
+    @cached_property
+    def large(self) -> list[Edge]:
+        """Inner edges longer than a column head: of a courtyard, of a stand."""
+        return [edge for edge in self.edges if edge not in self.outer and edge not in self.small]
+
+    @cached_property
+    def small(self) -> list[Edge]:
+        """Small inner edges: column heads, lugs, openings."""
+        return [edge for edge in self.edges if edge not in self.outer and edge.length < SMALL * self.edges[0].length]
+
+    @cached_property
+    def height(self) -> float:
+        return float(np.ptp(self.surface.V[:, 2]))
+
+    @cached_property
+    def width(self) -> float:
+        """Metres: 4 times the area over the length of the edges: of a square its side, of a strip twice its width."""
+        length = sum(edge.length for edge in (*self.outer, *self.large))
+        return float(4 * self.surface.area / length if length else np.sqrt(self.surface.area))
+
+    @cached_property
+    def plan_share(self) -> float:
+        """Share of the area that a plan shows: 1 for a flat roof, 0 for a wall."""
+        return float(self.surface.areas @ np.abs(self.surface.normals[:, 2]) / self.surface.area)
+
+    @cached_property
+    def middle(self) -> Floats:
+        """Centre of mass (3,)."""
+        return np.asarray(self.surface.areas @ self.surface.centroids / self.surface.area)
+
+    @property
+    def is_raised(self) -> bool:
+        """True if it does not come down to the ground: too low to stand under, or modelled at its height."""
+        return self.height < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
+
+    @cached_property
+    def corners(self) -> list[int]:
+        """Corners of the longest edge, as numbers of its points."""
+        return self.edges[0].corners(self.width / 8)
+
+    @cached_property
+    def sides(self) -> list[Edge]:
+        """The four sides of what has four corners, a pair of short ones first and third; else none."""
+        if len(self.corners) != 4:
+            return []
+        c = self.corners
+        sides = [self.edges[0].part(a, b) for a, b in zip(c, c[1:] + c[:1], strict=True)]
+        first = sum(side.length for side in sides[::2]) <= sum(side.length for side in sides[1::2])
+        return sides if first else sides[1:] + sides[:1]
+
+    @cached_property
+    def ratio(self) -> float:
+        """Ratio of the long to the short sides; 0 without four sides."""
+        ends, long = (sum(side.length for side in self.sides[k::2]) for k in (0, 1))
+        return long / ends if self.sides else 0.0
+
+    def neck(self, edge: Edge) -> Floats:
+        """Return the mean direction (3,) in which the sheet leaves an edge: up at a column head, down at a lug."""
+        V, F = self.surface.V, self.surface.F
+        on = np.isin(F, self.surface.loops[edge.loop])
+        faces = on.sum(axis=1) == 2
+        third = np.argmin(on[faces], axis=1)
+        a, b, c = (V[F[faces][np.arange(len(third)), (third + k) % 3]] for k in (1, 2, 0))
+        length = lengths(b - a)
+        along = (b - a) / length[:, None]
+        into = c - a - np.einsum("ki,ki->k", c - a, along)[:, None] * along
+        return np.asarray(length @ (into / lengths(into)[:, None]) / length.sum()) if len(third) else np.zeros(3)
+
+    def slenderness(self, edge: Edge) -> float:
+        """Return how far a small edge is over the sheet around it, divided by its radius."""
+        radius = edge.length / (2 * np.pi)
+        middle = edge.points.mean(axis=0)
+        away = np.linalg.norm(self.surface.V[:, :2] - middle[:2], axis=1) / radius
+        around = self.surface.V[(away > 3) & (away < 6), 2]
+        return float(middle[2] - np.median(around)) / radius if len(around) else 0.0
+
+    def lowness(self, edge: Edge) -> float:
+        """Return 1 for an edge at or below the middle of the sheet, 0 at its top; 1 where the sheet is all but flat."""
+        rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
+        return 1.0 if self.height < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
+
+    @cached_property
+    def hollows(self) -> Ints:
+        """Vertices (k,) in the sheet or on its edge that are lower than all around them, where water would stand."""
+        V, z = self.surface.V, self.surface.V[:, 2]
+        tree = cKDTree(V[:, :2])
+        near, wide = (tree.query_ball_point(V[:, :2], self.width / k) for k in (12, 7))
+        hollows = list[int]()
+        for k in range(self.surface.n):
+            if z[k] > z[near[k]].min():
+                continue
+            ring = np.setdiff1d(wide[k], near[k])
+            is_deep = len(ring) and z[ring].min() - z[k] > max(RISE * self.height, 0.002 * self.width)
+            if is_deep and all(np.linalg.norm(V[k, :2] - V[j, :2]) > self.width / 8 for j in hollows):
+                hollows.append(k)
+        return np.array(hollows, dtype=np.int64)
+
+    @cached_property
+    def inner_hollows(self) -> Ints:
+        """Hollows that are not on an edge."""
+        return np.setdiff1d(self.hollows, np.concatenate([*self.surface.loops, np.zeros(0, dtype=np.int64)]))
+
+    def below(self, plan: Floats) -> Floats:
+        """Return the vertices (k, 3) nearest in plan to points (j, 2), without those that the sheet does not cover."""
+        away, vertex = cKDTree(self.surface.V[:, :2]).query(plan)
+        return self.surface.V[vertex[away < 0.05 * self.width]]
+
+    @cached_property
+    def is_object(self) -> bool:
+        """True for a sculpture: a closed surface, or a nearly closed one whose edges do not reach the ground."""
+        z = self.surface.V[:, 2]
+        lowest = min((float(edge.z.min()) for edge in self.edges), default=0.0)
+        raised = lowest > z.min() + RISE * self.height and max(edge.z.mean() for edge in self.edges) < self.middle[2]
+        return is_nearly_closed(self.surface) or (is_figure(self.surface) and raised)
+
+    @cached_property
+    def heads(self) -> list[Edge]:
+        """Small edges that the sheet leaves upwards: column heads. A plane hole is an opening."""
+        return [edge for edge in self.small if self.neck(edge)[2] > NECK]
+
+    @cached_property
+    def lugs(self) -> list[Edge]:
+        """Small edges that the sheet leaves downwards, on a slender neck, as where it hangs; wide ones are skylights."""
+        return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
+
+    @cached_property
+    def wall(self) -> float:
+        """1 for a wall, which shows nothing in plan, 0 for a roof."""
+        return float(np.clip((0.55 - self.plan_share) / 0.2, 0, 1))
+
+    @cached_property
+    def is_deck(self) -> bool:
+        """True for a strip that people can walk on: its slope is at most 25 degrees, and its ends are level."""
+        walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(25.0))
+        share = float(self.surface.areas[walkable].sum() / self.surface.area)
+        return self.ratio > STRIP and share > 0.8 and min(end.straight_levelness for end in self.sides[::2]) > 0.97
+
+    @property
+    def is_floor(self) -> bool:
+        """True for a deck and for a flat sheet."""
+        return self.is_deck or self.height < 0.01 * self.width
+
+
+def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:
+    """Return True if a closed edge comes inwards in plan between all its corners, as one that a cable holds."""
+    middle = edge.points[list(corners), :2].mean(axis=0)
+    for a, b in zip(corners, [*corners[1:], corners[0]], strict=True):
+        arc = edge.part(a, b).points[:, :2]
+        chord = arc[-1] - arc[0]
+        normal = np.array([-chord[1], chord[0]]) / (np.linalg.norm(chord) + 1e-12)
+        inwards = (arc - arc[0]) @ normal * np.sign(normal @ (middle - arc[0]))
+        if inwards.max() < 0.05 * np.linalg.norm(chord):
+            return False
+    return True
