@@ -1,6 +1,6 @@
 """Evenly spaced stripes: their directions, densities and phases, and lines that end in crowded places."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
@@ -19,6 +19,7 @@ from dsfab.pattern import (
     GuideLine,
     Halving,
     Images,
+    LoopSurroundings,
     StressDirections,
     boundary_lines,
     corner_phase,
@@ -87,7 +88,18 @@ class StripeDirections:
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
         length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow shorter changes
-        along, over = _directions(preset.pattern, frames, stress, steer, images, length)
+        loops = LoopSurroundings.from_support(frames, statics.load.supported, min(spacings))
+
+        def steered_by(stress: StressDirections) -> Steering:
+            return replace(steer, guidance=(*steer.guidance, *(x.guidance(frames, stress, steer.turn) for x in loops)))
+
+        def smooth(stress: StressDirections, length: float) -> Floats:
+            return images.directions(
+                frames, cross_field(frames, stress, length, steer.turn, steered_by(stress).guidance)
+            )
+
+        along, over = _directions(preset.pattern, frames, stress, smooth, images, length)
+        steer = steered_by(stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
         along = signs_with_short_seams(frames, along)[:, None] * along
         is_steered = bool(steer.turn or steer.guidance or over.any())
@@ -131,17 +143,19 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 
 
 def _directions(
-    options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
+    options: Pattern,
+    frames: Frames,
+    stress: StressDirections,
+    smooth: Callable[[StressDirections, float], Floats],
+    images: Images,
+    length: float,
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and vertices (n,) with exchanged
-    families.
+    families. smooth : returns directions (n, 3) along a stress, smoothed over a length (m).
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
     At a crossing the two principal stresses are equal, and the direction of the larger one turns by a right angle. The
     search for crossings precedes smoothing, because smoothing across them would produce singular points."""
-
-    def smooth(stress: StressDirections, length: float) -> Floats:
-        return images.directions(frames, cross_field(frames, stress, length, steer.turn, steer.guidance))
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:

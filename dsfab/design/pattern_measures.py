@@ -13,9 +13,9 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.design.directions import followed_stress
 from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
-from dsfab.pattern import StressDirections
+from dsfab.pattern import FamilyRole, StressDirections, family_roles
 from dsfab.preset.model import FAMILIES, Preset
-from dsfab.results import DiffusionResult, PatternResult, StaticsResult
+from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StaticsResult
 from dsfab.slicing import Chart, Sheet, openings_of
 from dsfab.slicing.measures.chart import StripeChart
 from dsfab.slicing.measures.pattern_quality import Arms, DeadEnds, FamilyQuality, PatternQuality, arms, pattern_quality
@@ -61,17 +61,20 @@ def measured_pattern(
     sheet    : the part of the cells that remains; all material by default."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
-    followed = _followed_directions(design)
+    even = design.pattern.even
+    followed = followed_directions(design.preset, design.surface, design.statics, even)
     try:
         confidence = followed.confidence(design.surface.areas)
     except PatternError:  # the surface has no stress
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
-    steered = design.pattern.even.steered if design.pattern.even else None
+    steered = even.steered if even else None
     guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides are ignored
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
-    quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0)
+    titles = roles_of_families(design.preset, design.surface, followed)
+    turned = design.preset.pattern.rotate if steered else 0.0
+    quality = replace(quality, turned=turned, titles=(titles[0].title, titles[1].title))
     if cells is not None and design.pattern.tidy:
         quality = _sheet_quality(design, cells, (sheet or cells.subset()).surface, stripes, quality)
     group = used_symmetry(design) if symmetry else None
@@ -144,21 +147,43 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
     return StripeChart.from_chart(chart, d, np.maximum(kept_height, -surface.size))
 
 
-def _followed_directions(design: PatternedDesign) -> StressDirections:
-    preset = design.preset
-    stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
-    if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
+def followed_directions(
+    preset: Preset, surface: Surface, statics: StaticsResult, even: EvenStripes | None
+) -> StressDirections:
+    """Return the stresses along both families, and the directions that their stripes follow.
+    If the user turns stripes off the stress, the stresses have no sign."""
+    stress, direction = principal_stresses(surface, followed_stress(preset, surface, statics))
+    if even is None and preset.diffusion.labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
-    if design.pattern.even is not None and design.pattern.even.steered:
-        over = design.pattern.even.steered.over
+    if even is not None and even.steered:
+        over = even.steered.over
         stress[over], direction[over] = stress[over, ::-1], direction[over, ::-1]
-    if design.pattern.even is not None and preset.pattern.rotate:
+    if even is not None and preset.pattern.rotate:
         a = np.radians(preset.pattern.rotate)
-        square = np.cross(design.surface.normals[:, None], direction)
+        square = np.cross(surface.normals[:, None], direction)
         direction = np.cos(a) * direction + np.sin(a) * square
         stress = np.cos(a) ** 2 * np.abs(stress) + np.sin(a) ** 2 * np.abs(stress[:, ::-1])
     return StressDirections(stress, direction)
+
+
+def roles_of_families(preset: Preset, surface: Surface, followed: StressDirections) -> tuple[FamilyRole, FamilyRole]:
+    """Return the roles of the major and the minor family; unknown if the user turns stripes off the stress, or if the
+    stress belongs to several load cases."""
+    if preset.pattern.rotate or preset.combines:
+        return FamilyRole("major"), FamilyRole("minor")
+    return family_roles(surface, followed)
+
+
+def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
+    """Return a sentence for a pattern that draws hoops or purlins without the arches that they hold, or ''."""
+    drawn, other = sorted(roles, key=lambda role: role.key != families)
+    if families == "both" or other.shape != "arches":
+        return ""
+    return (
+        f"pattern.families = '{families}' draws only the {drawn.title}, without the {other.title} that carry the loads "
+        f"to the supports: set pattern.families = '{other.key}' or 'both'"
+    )
 
 
 def used_symmetry(design: PatternedDesign) -> Symmetry | None:

@@ -13,6 +13,7 @@ from dsfab.design.even_stripes import even_stripes, same_stripes
 from dsfab.design.log import Log
 from dsfab.design.method_search import MethodCandidate, method_step
 from dsfab.design.mode_search import choice_step, stressed_step
+from dsfab.design.pattern_measures import followed_directions, one_family_message, roles_of_families
 from dsfab.design.regions_and_loads import Loading, loadings, one_sided_message
 from dsfab.design.stripe_pattern import SHARE_SNAP, pattern_step, sketched_step
 from dsfab.design.surface_and_statics import statics_step
@@ -141,6 +142,10 @@ def chosen_method(
     if candidate.even and (
         message := one_sided_message(analysis.surface, preset.pattern.region, candidate.even.symmetry)
     ):
+        log.note("pattern", message)
+    followed = followed_directions(preset, analysis.surface, analysis.statics, candidate.even)
+    roles = roles_of_families(preset, analysis.surface, followed)
+    if message := one_family_message(roles, preset.pattern.families):
         log.note("pattern", message)
     if candidate.even:
         for message in _idle_frequencies(preset.pattern, analysis.surface):

@@ -347,7 +347,7 @@ def _even_families(
                 even.wanted[k],
                 *columns,
                 int(k != even.first),
-                preset.pattern.removes_loose_ends,
+                preset.pattern.removes_loose_ends and preset.pattern.families == "both",
             )
         )
     return families

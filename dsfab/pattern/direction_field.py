@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array
@@ -174,6 +175,52 @@ class StressDirections:
         if not reference > 0:
             raise PatternError("the surface has no stress that stripes could follow; check the loads")
         return np.asarray(differ / (differ + 0.3 * reference))
+
+
+RISE = (0.02, 0.75)
+"""Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
+CLEAR_SHARE = 0.75
+"""Least share of its area on which a family does what its name says."""
+
+
+class FamilyRole(NamedTuple):
+    """The part of a family of stripes in carrying the loads.
+
+    key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
+    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if it is unknown."""
+
+    key: str
+    shape: str = ""
+    pulled: float = float("nan")
+
+    @property
+    def title(self) -> str:
+        """Name of the members in words, such as `arches (minor, pressed)` or `major members (pulled)`."""
+        if np.isnan(self.pulled):
+            return f"{self.key} members"
+        is_clear = max(self.pulled, 1 - self.pulled) > CLEAR_SHARE
+        action = ("pulled" if self.pulled > 0.5 else "pressed") if is_clear else "partly pulled, partly pressed"
+        return f"{self.shape} ({self.key}, {action})" if self.shape else f"{self.key} members ({action})"
+
+
+def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
+    """Return the roles of the major and the minor family under signed principal stresses; z points up.
+    Weighted by squared slope, hoops and purlins are level, and the other family rises. If it is pressed, it has arches.
+    """
+    size = surface.areas[:, None] * np.abs(directions.stress)
+    total = size.sum(axis=0)
+    pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)
+    level = np.cross([0.0, 0.0, 1.0], surface.normals)  # its length is the sine of the slope
+    weight = surface.areas * (level**2).sum(axis=1)
+    shapes = ["", ""]
+    if RISE[0] * surface.area < weight.sum() < RISE[1] * surface.area:
+        share = float(surface.areas @ dots(directions.direction[:, 0], level) ** 2 / weight.sum())
+        is_straight = abs(surface.areas @ (level[:, 0] + 1j * level[:, 1]) ** 2) > CLEAR_SHARE * weight.sum()
+        risen = 1 if share > 0.5 else 0
+        if max(share, 1 - share) > CLEAR_SHARE and pulled[risen] < 0.5:
+            shapes[risen], shapes[1 - risen] = "arches", "purlins" if is_straight else "hoops"
+    major, minor = (FamilyRole(*x) for x in zip(("major", "minor"), shapes, pulled.tolist(), strict=True))
+    return major, minor
 
 
 def cross_field(

@@ -327,7 +327,7 @@ class Pattern(Section):
     halve: bool = True
     """For stripes: end every second stripe on a crossing member where stripes crowd. false: no stripe ends there."""
     families: Literal["both", "major", "minor"] = "both"
-    """Families of stripes. A single family has no crossings: no halving and no tidying; rim and keep connect it."""
+    """Families of stripes. A single family has no crossings, so no line is halved; rim and keep connect its members."""
     symmetry: Literal["auto", "none"] = "auto"
     """For stripes: use the mirrors and rotations that surface, supports and loads share, or none."""
     rotate: Annotated[float, Ge(-180), Le(180)] = 0.0
@@ -349,7 +349,7 @@ class Pattern(Section):
     width: Width = Width()
     tidy: bool | None = None
     """Remove stripes that end freely or turn back, as far as their last crossing, and fill openings narrower than the
-    members beside them. Default: true for stripes of both families, false on modes (the paper)."""
+    members beside them. Default: true for evenly spaced stripes, false on modes (the paper)."""
     keep: Annotated[float, Ge(0)] = 0.0
     """Distance (m) around loads and supports within which the surface stays material; 0: none."""
     rim: Annotated[float, Ge(0)] = 0.0
@@ -424,7 +424,7 @@ class Pattern(Section):
 
     @property
     def removes_loose_ends(self) -> bool:
-        return self.method == "stripes" and self.families == "both" if self.tidy is None else self.tidy
+        return self.method == "stripes" if self.tidy is None else self.tidy
 
     @property
     def for_workshop(self) -> bool:

@@ -246,7 +246,7 @@ def test_build_and_inspect_report_the_same_openings(tmp_path, capsys):
     facts = json.loads((folder / "design.json").read_text())["pattern"]
     lines = list(quality_lines(facts))
     assert all(line in told for line in lines)
-    assert lines[1].startswith("major members: ")
+    assert lines[1].startswith("hoops (major, ")
     assert list(facts["minor"]["clear_opening_m"]) == ["5%", "50%", "95%"]
     assert inspect(folder) == 0
     assert set(lines) <= set(capsys.readouterr().out.split("\n"))

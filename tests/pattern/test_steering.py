@@ -30,6 +30,8 @@ from dsfab.study.baselines import ComparisonTask
 from dsfab.study.baselines.structures import isotropic
 from dsfab.study.sweeps.metrics import metric_value
 from dsfab.surface import All, Ball, LoadCase, Surface
+from tests.canopy import canopy
+from tests.designs import sliced
 from tests.pattern.loaded_cases import TURN, Case, difference
 from tests.pattern.loaded_cases import case as zoo_case
 from tests.pattern.plain_stripes import drawn
@@ -408,7 +410,7 @@ def test_one_family_is_built_drawn_and_measured(ribs):
     assert (
         0.6 * member < metric_value("min_width", Design.from_preset(ribs.preset)) < 1.05 * member
     )  # thinner where they crowd
-    assert not ribs.pattern.tidy
+    assert ribs.pattern.tidy.closed == (None, None)
 
 
 def test_the_archive_and_the_preset_give_the_same_design_back(ribs, tmp_path):
@@ -448,6 +450,21 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
         k = 0 if "pattern.families" in change else 1
         assert not np.array_equal(made.pattern.even.phases[k].value, ribs.pattern.even.phases[k].value)
         assert np.array_equal(made.pattern.even.phases[k].value, fresh.pattern.even.phases[k].value)
+
+
+def test_members_of_one_family_have_no_loose_ends():
+    """On a canopy on four feet, members of the major family ended freely beside an opening and at a singular point."""
+    pattern = {"families": "major", "keep": 0.4, "rim": 0.25, "major": {"spacing": 1.2}, "method": "stripes"}
+    low = dsfab.Side(axis="z", end="min", depth=0.75)
+    preset = dsfab.Preset(
+        surface=canopy(0.6),
+        supports=[dsfab.Support(low)],
+        loads=[dsfab.SelfWeight()],
+        statics={"thickness": 0.12},
+        pattern={**pattern, "width": {"rule": "constant", "solid_fraction": 0.45}},
+    )
+    assert sliced(preset.with_pattern(tidy=False)).quality(symmetry=False).dead_ends > 3
+    assert sliced(preset).quality(symmetry=False).dead_ends == 0
 
 
 def test_rings_without_crossings_are_refused_with_advice():

@@ -89,7 +89,8 @@ def structure_table(findings: Findings, number: CaptionNumbers) -> Table:
 
 def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
     """Return spacing, dead ends and directions of both families of members."""
-    families = [(name, family) for name, family in quality.families if family.drawn]
+    titled = zip(quality.titles, quality.families, strict=True)
+    families = [(title, family) for title, (_, family) in titled if family.drawn]
     rows = [
         ("Distance of members, median", *(length_or_na(family.spacing[1]) for _, family in families)),
         ("Clear opening, on nine tenths of the area", *(_opening_range(family) for _, family in families)),
@@ -104,7 +105,7 @@ def pattern_table(quality: PatternQuality, number: CaptionNumbers) -> Table:
     )
     if quality.symmetry_error is not None:
         note += f" {percent(quality.symmetry_error)} of the surface differs from its image under the design's symmetry."
-    heads = [f"{name.capitalize()} members" for name, _ in families]
+    heads = [title[0].upper() + title[1:] for title, _ in families]
     widths = (3, *(2 for _ in families))
     return Table(number.table("The pattern."), ("Measure", *heads), rows, 1 + len(families), note, widths)
 

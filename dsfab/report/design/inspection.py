@@ -105,7 +105,10 @@ QUANTILES = ("5%", "50%", "95%")
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
     """Return the key `pattern` of `design.json`; see `PatternQuality` for its numbers."""
-    families = {name: _family_facts(family_quality) for name, family_quality in quality.families}
+    families = {
+        name: {"title": title, **_family_facts(family_quality)}
+        for title, (name, family_quality) in zip(quality.titles, quality.families, strict=True)
+    }
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
     return {"summary": quality.summary, **families, **shared}
 
@@ -131,12 +134,13 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
         if not facts[name].get("drawn", True):
             continue
         opening, spacing = ([facts[name][key][q] for q in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
+        title = facts[name].get("title", f"{name} members")
         if not opening[2] > 0:
-            yield f"{name} members: no opening between them"
+            yield f"{title}: no opening between them"
             continue
         sizes = f"{length(opening[1])} clear between them, {length(opening[0])} to {length(opening[2])} on nine tenths"
         ratio = f"; spacing P95/P5 {spacing[2] / spacing[0]:.2f}" if spacing[0] > 0 else ""
-        yield f"{name} members: {sizes}{ratio}"
+        yield f"{title}: {sizes}{ratio}"
 
 
 SHARES = (0.05, 0.5, 0.95)  # `design.json` lists these quantiles of the member widths along all walls.

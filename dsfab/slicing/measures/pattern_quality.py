@@ -302,13 +302,15 @@ class PatternQuality:
     crossing_angle : degrees, the smallest angle between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
                      largest over all symmetries; None without symmetries.
-    turned         : degrees by which the user turned the stripes off the stress; deviations count from there."""
+    turned         : degrees by which the user turned the stripes off the stress; deviations count from there.
+    titles         : names of both families in words."""
 
     major: FamilyQuality
     minor: FamilyQuality
     crossing_angle: float
     symmetry_error: float | None = None
     turned: float = 0.0
+    titles: tuple[str, str] = ("major members", "minor members")
 
     @property
     def families(self) -> tuple[tuple[str, FamilyQuality], tuple[str, FamilyQuality]]:

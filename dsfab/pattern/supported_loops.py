@@ -1,0 +1,69 @@
+"""Rings and rays of stripes around small supported loops: heads of columns, and eyes that a surface hangs from."""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Complexes, Floats, Ints, polygon_perimeter, unit_vectors
+from dsfab.pattern.direction_field import StressDirections
+from dsfab.pattern.frames import Frames, dots
+from dsfab.pattern.guides import Guidance
+from dsfab.pattern.kept_regions import curve_origins
+from dsfab.pattern.widths import vertex_means
+from dsfab.surface import Surface, geodesic_distances
+from dsfab.surface.fields import hat_gradients
+
+REACH = 1.5
+"""Distance from a small loop within which stripes form rings and rays, over the spacing of stripes. In a hall on nine
+columns, the singular points of the stress lie up to 1.2 spacings beside the heads of the outer columns."""
+PULL = 100.0
+"""Weight of a small loop at its edge, which overrules the stress (see `Guide.weight`); it falls to 0 at `REACH`."""
+
+
+def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
+    """Return the boundary loops (k,) with a mean radius below the spacing (m) of stripes, all of whose vertices are
+    `supported` (n,): fewer than seven stripes would end on each of them."""
+    loops = [loop for loop in surface.loops if supported[loop].all()]
+    return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
+
+
+@dataclass(frozen=True, eq=False)
+class LoopSurroundings:
+    """The surroundings of a small supported loop, in which one family forms rings, the other family rays.
+    weight : (n,) weight at the vertices.    ray : (n,) square of the unit direction of rays, complex in the vertices'
+    frames.    outwards : (m, 3) unit direction away from the loop; 0 beyond the reach."""
+
+    weight: Floats
+    ray: Complexes
+    outwards: Floats
+
+    @classmethod
+    def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> list[Self]:
+        """Return the surroundings of each of the `small_loops`, with their arguments."""
+        loops = small_loops(frames.surface, supported, spacing)
+        return [cls._from_loop(frames, loop, REACH * spacing) for loop in loops]
+
+    @classmethod
+    def _from_loop(cls, frames: Frames, loop: Ints, reach: float) -> Self:
+        surface = frames.surface
+        on_loop = np.isin(np.arange(surface.n), loop)
+        distance = geodesic_distances(surface, curve_origins(surface, on_loop), reach).vertex
+        gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), np.minimum(distance, reach)[surface.F])
+        mean_gradient = vertex_means(surface, gradient)
+        z = dots(mean_gradient, frames.t1) + 1j * dots(mean_gradient, frames.t2)
+        size = np.abs(z)
+        ray = np.divide(z, size, out=np.zeros_like(z), where=size > 0) ** 2
+        weight = PULL * np.clip(1 - distance / reach, 0, 1) * np.abs(ray)
+        return cls(weight, ray, unit_vectors(gradient))
+
+    def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
+        """Return the directions around the loop: the family with the larger stress along rays, on average, has the
+        rays. turn : rotation of both families, radians, as for `cross_field`."""
+        surface = frames.surface
+        cosine = dots(stress.direction[:, 0], self.outwards)
+        ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
+        share = surface.areas * self.weight[surface.F].mean(axis=1)
+        major_has_rays = share @ ray_minus_ring_stress > 0
+        square = self.ray * np.exp(2j * turn) * (1 if major_has_rays else -1)
+        return Guidance(self.weight, self.weight * square)
