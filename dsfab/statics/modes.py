@@ -226,7 +226,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return x . K_g x (b, s, s) between modes (u, s), of each membrane force (b, m, 3, 3), see `geometric_stiffness`."""
+    """Return x . K_g x (b, s, s) between modes (u, s) for membrane forces (b, m, 3, 3), see `geometric_stiffness`."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]

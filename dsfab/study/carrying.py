@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -275,12 +276,12 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     """Return the forces of members: from section forces in each case, and as sums in each combination."""
     from dsfab.members.frame import member_forces
 
-    factors, surface, recovery = _factors(statics.design), statics.model.surface, None
-    sections = {}
+    factors, surface, sections = _factors(statics.design), statics.model.surface, {}
+    linear = next(iter(statics.answers.values())).elements.bending == "hhj"
+    make = partial(ShearRecovery.for_surface, surface, linear=linear)
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # of every thickness
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
-        linear = statics.answers[name].elements.bending == "hhj"
-        recovery = recovery or ShearRecovery.for_surface(surface, linear=linear)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
     by_member = member_forces(statics.design.members, sections)
     return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}

@@ -17,9 +17,11 @@ from dsfab.statics.thickness_basis import ThicknessBasis
 from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_carrying, cut_loads
 from dsfab.study.fabrication import spacing_changes
 
-REACH = 4.0
-"""Largest ratio of a tried thickness to the first guess, up and down; solves at four thicknesses then suffice."""
-SOLVES = 4
+REACH = 3.0
+"""Largest ratio of a tried thickness to the first guess, up and down; solves at three thicknesses then suffice."""
+SOLVES = 3
+OWN_CUTS = 2
+"""Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner."""
 SERIES = 1.15
 """Ratio of successive thicknesses for a material without a stock."""
 MORE, MOST = 1.3, 0.75
@@ -126,9 +128,9 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    The cut sheet of a first guess is solved at four thicknesses; these give the figures of the whole stock. The design
+    The cut sheet of a first guess is solved at three thicknesses; these give the figures of the whole stock. The design
     is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
-    is taken. If no thickness suffices, the pattern gets more material, then also closer members. If still none does,
+    follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material, then also closer members. If still none does,
     the best of the trials is returned. `sizing_result` has the trials.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
@@ -145,17 +147,39 @@ def sized(preset: Preset, progress: Progress = silent) -> Design:
             if change == changes[-1] and not trials:
                 raise
             continue
-        trials.extend(rows)
-        for trial in [row for row in rows if row.worst <= 1][:2]:
-            design = Design.from_preset(drawn.with_thickness(trial.thickness), design, progress)
-            trials.append(_trial(design, carrying(design), is_final=True))
-            if trials[-1].worst <= 1:
-                return _with_result(design, SizingResult(tuple(trials), source, change))
+        own, chosen = _own_cuts(design, drawn, rows, progress)
+        trials += [*rows, *own]
+        if chosen:
+            return _with_result(chosen, SizingResult(tuple(trials), source, change))
         nearest = min(rows, key=lambda row: row.worst)
         best = min(best, (nearest.worst, drawn.with_thickness(nearest.thickness)), key=lambda pair: pair[0])
     design = Design.from_preset(best[1], design, progress)
     trials.append(_trial(design, carrying(design), is_final=True))
     return _with_result(design, SizingResult(tuple(trials), source, {}))
+
+
+def _own_cuts(
+    design: Design, drawn: Preset, rows: Sequence[Trial], progress: Progress
+) -> tuple[list[Trial], Design | None]:
+    """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
+    trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
+    own, chosen = list[Trial](), None
+    k = next((k for k, row in enumerate(rows) if row.worst <= 1), len(rows))
+    while k < len(rows) and len(own) < OWN_CUTS:
+        design = Design.from_preset(drawn.with_thickness(rows[k].thickness), design, progress)
+        final = _trial(design, carrying(design), is_final=True)
+        if final.worst > 1:
+            own.insert(0, final)
+            if chosen:
+                break
+            k += 1
+            continue
+        own, chosen = [*own, final], design
+        change = {name: final.excess[name] / value if value else 1.0 for name, value in rows[k].excess.items()}
+        k -= 1
+        if k < 0 or max(rows[k].excess[name] * factor for name, factor in change.items()) > 1:
+            break
+    return own, chosen
 
 
 def _with_result(design: Design, result: SizingResult) -> Design:
