@@ -347,9 +347,8 @@ def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
         if standing.told:
             remarks[f"buckling: {standing.told}"] = None
-        bends = answer.elements.bending is not None
-        elements = answer.elements if bends else elements_of("buckling")
-        K = statics.stiffness if bends else None
+        elements = elements_of("buckling")
+        K = statics.stiffness if answer.elements == elements else None
         try:
             lowest = buckling(model, standing.load, answer, 1, elements, K, statics.factor_of).factor
         except StaticsError as error:
