@@ -130,8 +130,8 @@ def sized(preset: Preset, progress: Progress = silent) -> Design:
 
     The cut sheet of a first guess is solved at three thicknesses; these give the figures of the whole stock. The design
     is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
-    follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material, then also closer members. If still none does,
-    the best of the trials is returned. `sizing_result` has the trials.
+    follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material,
+    then also closer members. If still none does, the best of the trials is returned. `sizing_result` has the trials.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     first = guessed_preset(preset)
