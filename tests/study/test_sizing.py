@@ -13,7 +13,10 @@ from dsfab.design import Design
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
 from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
+from dsfab.study.calculix import lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
+from dsfab.study.check_model import cut_model
+from tests.calculix import ccx, needs_ccx
 
 AUTO = {
     "surface.edge": 0.9,
@@ -103,3 +106,21 @@ def test_a_material_without_a_strength_is_refused():
     preset = vault(statics={"thickness": "auto", "young": 1e10})
     with pytest.raises(PresetError, match=re.escape("statics gives neither a material nor a strength")):
         dsfab.sized(preset)
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_the_figures_of_a_sized_structure_are_those_of_calculix(counted, tmp_path):
+    """Movement by six-node shells in the model that dsfab exports, buckling by a solid of quadratic wedges."""
+    design, _ = counted
+    chosen, sheet, statics = sizing_result(design).trials[-1], design.sheet.surface, design.preset.statics
+    (theirs,) = ccx(cut_model(design).model, tmp_path)
+    moved = np.linalg.norm(theirs.u[: sheet.n], axis=1).max()
+    assert chosen.movement * carrying(design).movement.span == pytest.approx(moved, rel=0.1)
+    normal = np.zeros_like(sheet.V)
+    for corner in sheet.F.T:
+        np.add.at(normal, corner, sheet.normals * sheet.areas[:, None])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    (load,) = design.cut_loads.values()
+    solid = solid_model(sheet, normal, statics.thickness, statics.elastic, load)
+    assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)
