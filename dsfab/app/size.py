@@ -32,14 +32,14 @@ def size(
     from dsfab.app.new import require_new_preset_file
     from dsfab.export import atomic_file
     from dsfab.preset.file import preset_toml
-    from dsfab.study import sized, sizing_result
+    from dsfab.study import sized_design, sizing_result
 
     if output:
         require_new_preset_file(output, force)
     with Reporter(quiet) as reporter:
-        design = sized(source.read_preset(preset, thickness="open"), reporter)
+        design = sized_design(source.read_preset(preset, thickness="open"), reporter)
     result = sizing_result(design)
-    assert result is not None  # `sized` gives every design a result
+    assert result is not None  # `sized_design` gives every design a result
     if not quiet:
         print_lines(result.lines(every=True))
         print_result(f"statics.thickness = {design.preset.statics.thickness:g}")

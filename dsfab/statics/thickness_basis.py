@@ -71,7 +71,7 @@ class ThicknessStiffness:
         force = thickness * (self.membrane @ x)
         return np.asarray(force if self.bending is None else force + thickness**3 * (self.bending @ x))
 
-    def within(self, basis: Floats) -> "ReducedStiffness":
+    def projection(self, basis: Floats) -> "ReducedStiffness":
         """Return the stiffness between the vectors of a basis (u, b)."""
         bending = np.zeros_like(basis) if self.bending is None else self.bending @ basis
         at_corners = basis[: self.load.spring.size]
@@ -172,8 +172,8 @@ class ThicknessBasis:
         modes = across.basis(np.hstack(shapes), middle) if shapes else np.zeros((len(across.is_held), 0))
         resultants = np.array([_resultant(sheet, stiffness, x) for x in vectors.T])
         return cls(
-            *(sheet, loads, stiffness, constant, per_metre, vectors, stiffness.within(vectors)),
-            modes=across.within(modes) if modes.size else None,
+            *(sheet, loads, stiffness, constant, per_metre, vectors, stiffness.projection(vectors)),
+            modes=across.projection(modes) if modes.size else None,
             geometric=-geometric_products(surface, resultants, across.elements, modes),
         )
 

@@ -48,7 +48,7 @@ def counted():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(factorisation, "stiffness_factor", counting)
-        design = dsfab.sized(vault())
+        design = dsfab.sized_design(vault())
     return design, sum(n != design.surface.n for n in count)
 
 
@@ -105,7 +105,7 @@ def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run():
 def test_a_material_without_a_strength_is_refused():
     preset = vault(statics={"thickness": "auto", "young": 1e10})
     with pytest.raises(PresetError, match=re.escape("statics gives neither a material nor a strength")):
-        dsfab.sized(preset)
+        dsfab.sized_design(preset)
 
 
 @pytest.mark.slow
