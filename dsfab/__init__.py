@@ -6,7 +6,7 @@
     design.save("outputs/dome")                                  # all files that `dsfab build` writes
 
     dsfab.revise(design, preset)      the design of a changed preset; unchanged stages keep their results
-    dsfab.sized(preset)               the design with the thinnest sheet that carries, from the material's stock
+    dsfab.sized_design(preset)               the design with the thinnest sheet that carries, from the material's stock
     dsfab.sweep(preset, ...)          many designs, with measures of each
     dsfab.compare(design)             compares the design with other designs of the same mass
     dsfab.edit(preset)                opens an editor in a notebook
@@ -51,7 +51,7 @@ _HOME = {
         "dsfab.render.previewer": "Previewer",
         "dsfab.report.design.save": "save",
         "dsfab.slicing": "Sheet",
-        "dsfab.study": "compare sized sweep",
+        "dsfab.study": "compare sized_design sweep",
         "dsfab.surface": (
             "All Ball Boundary Box Brush Cladding ClosedCurves Combination Facing Force Line LoadCase Nearest "
             "PatternRegion PlanPolygon Pressure SelfWeight Side Snow Support Surface Vertices Wind read_surface"
@@ -87,7 +87,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import save as save
     from dsfab.slicing import Sheet as Sheet
     from dsfab.study import compare as compare
-    from dsfab.study import sized as sized
+    from dsfab.study import sized_design as sized_design
     from dsfab.study import sweep as sweep
     from dsfab.surface import All as All
     from dsfab.surface import Ball as Ball

@@ -21,9 +21,9 @@ def size(
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
-    It cuts the design and solves the cut sheet at four thicknesses, which give the figures of all others. The result is
-    cut and solved once more with its own thickness. If no thickness suffices, the pattern gets more material, then
-    closer members. Exit code 5 means that nothing suffices.
+    It cuts the design and solves the cut sheet at three thicknesses, which give the figures of all others. The
+    result is cut and solved once more with its own thickness. If no thickness suffices, the pattern gets more material,
+    then closer members. Exit code 5 means that nothing suffices.
 
     Parameters
     ----------
@@ -32,14 +32,14 @@ def size(
     from dsfab.app.new import require_new_preset_file
     from dsfab.export import atomic_file
     from dsfab.preset.file import preset_toml
-    from dsfab.study import sized, sizing_result
+    from dsfab.study import sized_design, sizing_result
 
     if output:
         require_new_preset_file(output, force)
     with Reporter(quiet) as reporter:
-        design = sized(source.read_preset(preset, thickness="open"), reporter)
+        design = sized_design(source.read_preset(preset, thickness="open"), reporter)
     result = sizing_result(design)
-    assert result is not None  # `sized` gives every design a result
+    assert result is not None  # `sized_design` gives every design a result
     if not quiet:
         print_lines(result.lines(every=True))
         print_result(f"statics.thickness = {design.preset.statics.thickness:g}")

@@ -67,7 +67,7 @@ class Design:
         if not preset.statics.is_sized:
             raise PresetError(
                 f"preset {preset.name}: statics.thickness = 'auto' has no number yet; give metres, or choose "
-                "a thickness with dsfab.sized(preset) or with the command dsfab size"
+                "a thickness with dsfab.sized_design(preset) or with the command dsfab size"
             )
         if earlier is None:
             return cls(preset, Log(progress))

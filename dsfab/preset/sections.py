@@ -22,7 +22,7 @@ class Sizing(Section):
     thicknesses: tuple[Annotated[float, Gt(0), Le(10)], ...] = ()
     """Thicknesses to choose from, metres. Default: those in which the material is sold or made."""
     first: Annotated[float, Ge(0), Le(10)] = 0.0
-    """First guess, metres: sizing tries thicknesses of a quarter to four times this. 0: by the size of the surface."""
+    """First guess, metres: sizing tries thicknesses of a third to three times this. 0: by the size of the surface."""
 
 
 Route = Literal["auto", "strips", "planks", "bars", "sheet", "panels"]

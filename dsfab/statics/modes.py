@@ -9,11 +9,11 @@ from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import curvatures
-from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_clampable, require_held, with_springs
+from dsfab.statics.boundary_conditions import all_clamped, require_held, with_springs
 from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
-from dsfab.statics.factorisation import FactorCache, FactorFunction, stiffness_factor
+from dsfab.statics.factorisation import Factor, FactorCache, FactorFunction, stiffness_factor
 from dsfab.statics.model import SheetModel
-from dsfab.statics.solve import Equilibrium, flat_axis
+from dsfab.statics.solve import Equilibrium, flat_axis, held_unknowns
 from dsfab.statics.stiffness import sheet_stiffness
 from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
@@ -192,12 +192,12 @@ def lowest_buckling(
     several = buckling(sheet, load, answer, MODES_BESIDE_LOCAL, elements, K, factors)
     x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
     is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
-    other = (
+    beside = (
         f"the first mode of more than {LOCAL_SHARE:.0%} has the factor {several.factor[is_global][0]:.3g}"
         if is_global.any()
         else f"the first {len(several.factor)} modes are all local"
     )
-    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {other}"
+    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {beside}"
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:
@@ -226,7 +226,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
 
 def geometric_products(surface: Surface, resultants: Floats, elements: Elements, modes: Floats) -> Floats:
-    """Return x . K_g x (b, s, s) between modes (u, s), of each membrane force (b, m, 3, 3), see `geometric_stiffness`."""
+    """Return x . K_g x (b, s, s) between modes (u, s) for membrane forces (b, m, 3, 3), see `geometric_stiffness`."""
     slopes, columns = _slopes(surface, elements)
     along = np.einsum("majx,mxs->majs", slopes, modes[columns], optimize=True)
     rows, count = 10 * surface.m, modes.shape[1]
@@ -296,12 +296,14 @@ def _largest_eigenpairs(
     method is Lanczos on K^-1 A with the inner product of K [Lehoucq et al. 1998, ARPACK]. K is positive on supported
     sheets, A may be anything, and only the factor of K is necessary. As in `equilibrium`, the diagonal of K scales the
     unknowns."""
-    clamped = all_clamped(load)
-    require_clampable(surface, elements, clamped)
-    turning = clamped if "rotation" in elements.on_edges else None
-    require_held(surface, load, load.fixed, turning)
-    is_held = np.concatenate([load.fixed.ravel(), held_on_edges(surface, elements, load.fixed, turning).T.ravel()])
-    factor = factor_of(surface, with_springs(K, load), is_held)
+    is_held = held_unknowns(surface, [load], elements, plane=False)
+    mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
+    return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
+
+
+def largest_eigenpairs(A: csr_array, factor: Factor, count: int) -> tuple[Floats, Floats]:
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
+    Raises StaticsError if the modes do not converge."""
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
@@ -320,9 +322,9 @@ def _largest_eigenpairs(
     if not (residual[is_mode] <= MODE_RESIDUAL * mu[is_mode]).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
     order = np.argsort(-mu[is_mode])
-    full = np.zeros((is_mode.sum(), K.shape[0]))
+    full = np.zeros((is_mode.sum(), A.shape[0]))
     full[:, factor.free] = (factor.scale[:, None] * x[:, is_mode][:, order]).T
-    return mu[is_mode][order], _normalised_shapes(full[:, : 3 * surface.n].reshape(-1, surface.n, 3))
+    return mu[is_mode][order], full
 
 
 def _normalised_shapes(shapes: Floats) -> Floats:

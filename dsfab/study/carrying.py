@@ -1,7 +1,8 @@
 """Whether a cut structure carries its loads: its most used member, movement, factor of buckling, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -126,19 +127,8 @@ class Carrying:
 
     def facts(self) -> dict[str, Any]:
         """Return the key `carrying` of `design.json`, in SI units."""
-        use, movement = self.use, self.movement
-        return {
-            "outcome": self.outcome,
-            "of": "the cut sheet",
-            "faults": list(self.faults),
-            "remarks": list(self.remarks),
-            "thickness_m": self.thickness,
-            "mass_kg": self.mass,
-            "most_used": use and {**vars(use), "place": list(use.place)},
-            "movement": movement and {**vars(movement), "place": list(movement.place), "share_of_span": movement.share},
-            "buckling": None if self.buckling is None else {"factor": self.buckling, "case": self.buckling_case},
-            "reactions": [vars(row) for row in self.reactions],
-        }
+        share = self.movement.share if self.movement else None
+        return asdict(self) | {"outcome": self.outcome, "of": "the cut sheet", "movement_over_span": share}
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,12 +269,12 @@ def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
     """Return the forces of members: from section forces in each case, and as sums in each combination."""
     from dsfab.members.frame import member_forces
 
-    factors, surface, recovery = _factors(statics.design), statics.model.surface, None
-    sections = {}
+    factors, surface, sections = _factors(statics.design), statics.model.surface, {}
+    linear = next(iter(statics.answers.values())).elements.bending == "hhj"
+    make = partial(ShearRecovery.for_surface, surface, linear=linear)
+    recovery = statics.design.cached_result("slicing", f"shear recovery {linear}", make)  # of every thickness
     for name in (name for name in statics.answers if name not in factors):
         result = statics.stress(name)
-        linear = statics.answers[name].elements.bending == "hhj"
-        recovery = recovery or ShearRecovery.for_surface(surface, linear=linear)
         sections[name] = section_forces(surface, statics.thickness, result, recovery)
     by_member = member_forces(statics.design.members, sections)
     return {name: replace(part, forces=_with_sums(part.forces, factors)) for name, part in by_member.items()}
@@ -351,9 +341,8 @@ def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
         if standing.told:
             remarks[f"buckling: {standing.told}"] = None
-        bends = answer.elements.bending is not None
-        elements = answer.elements if bends else elements_of("buckling")
-        K = statics.stiffness if bends else None
+        elements = elements_of("buckling")
+        K = statics.stiffness if answer.elements == elements else None
         try:
             lowest = buckling(model, standing.load, answer, 1, elements, K, statics.factor_of).factor
         except StaticsError as error:

@@ -17,9 +17,11 @@ from dsfab.statics.thickness_basis import ThicknessBasis
 from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_carrying, cut_loads
 from dsfab.study.fabrication import spacing_changes
 
-REACH = 4.0
-"""Largest ratio of a tried thickness to the first guess, up and down; solves at four thicknesses then suffice."""
-SOLVES = 4
+REACH = 3.0
+"""Largest ratio of a tried thickness to the first guess, up and down; solves at three thicknesses then suffice."""
+SOLVES = 3
+OWN_CUTS = 2
+"""Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner."""
 SERIES = 1.15
 """Ratio of successive thicknesses for a material without a stock."""
 MORE, MOST = 1.3, 0.75
@@ -29,7 +31,7 @@ CLOSER = 0.75
 
 
 @dataclass(frozen=True)
-class Trial:
+class SizingTrial:
     """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
     share    : of the surface that is material.        movement : over the span.        buckling : inf without one.
     excess   : by target, the figure over its limit, or the limit over the figure; at most 1 meets the target.
@@ -63,23 +65,23 @@ class Trial:
 
 @dataclass(frozen=True)
 class SizingResult:
-    """All trials, in their order; the last is the design's. stock : origin of the list of thicknesses, in words.
-    changes : of the pattern, by dotted keys, because no thickness suffices without them."""
+    """The trials behind a design; its own is the last. stock : origin of the list of thicknesses, in words.
+    changes : values of the pattern, by dotted keys, without which no thickness suffices."""
 
-    trials: tuple[Trial, ...]
+    trials: tuple[SizingTrial, ...]
     stock: str
     changes: dict[str, Any]
 
     @property
     def fits(self) -> bool:
-        """Whether the design meets all targets."""
+        """True if the design meets all targets."""
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield a table of the trials: of the thicknesses next to the chosen one, or of `every` thickness."""
-        last = self.trials[-1]
-        near = sorted({trial.thickness for trial in self.trials}, key=lambda t: abs(np.log(t / last.thickness)))[:4]
-        rows = [trial.row for trial in self.trials if every or trial.is_final or trial.thickness in near]
+        """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks."""
+        thickness = self.trials[-1].thickness
+        nearest = sorted({trial.thickness for trial in self.trials}, key=lambda t: abs(np.log(t / thickness)))[:4]
+        rows = [trial.row for trial in self.trials if every or trial.is_final or trial.thickness in nearest]
         yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
         yield f"thicknesses: {self.stock}"
         if self.changes:
@@ -87,13 +89,14 @@ class SizingResult:
             yield f"no thickness suffices with the pattern of the preset; changed: {values}"
         if not self.fits:
             yield (
-                f"no thickness meets the targets; {length(last.thickness)} comes nearest: add supports, give the "
+                f"no thickness meets the targets; {length(thickness)} comes nearest: add supports, give the "
                 "surface more rise, or lower the targets in [sizing]"
             )
 
     def facts(self) -> dict[str, Any]:
-        """Return the key `sizing` of `design.json`, in SI units; a factor of buckling is None without one."""
-        rows = [asdict(trial) | {"buckling": trial.buckling if trial.row[4] != "-" else None} for trial in self.trials]
+        """Return the key `sizing` of `design.json`, in SI units; figures without a value are None."""
+        finite = [{k: None if v == float("inf") else v for k, v in asdict(row).items()} for row in self.trials]
+        rows = [row | {"excess": {k: v for k, v in row["excess"].items() if v != float("inf")}} for row in finite]
         return {"fits": self.fits, "stock": self.stock, "changes": self.changes, "trials": rows}
 
 
@@ -104,58 +107,80 @@ def sizing_result(design: Design) -> SizingResult | None:
 
 def run_sized(preset: Preset, progress: Progress = silent) -> Design:
     """Run all stages of a preset; sizing chooses the thickness if the preset leaves it open."""
-    return run(preset, progress) if preset.statics.is_sized else sized(preset, progress).until("thickening")
+    return run(preset, progress) if preset.statics.is_sized else sized_design(preset, progress).until("thickening")
 
 
 def sized_preset(preset: Preset, progress: Progress = silent) -> Preset:
-    """Return the preset with the thickness that `sized` chooses, if the preset leaves it open."""
-    return preset if preset.statics.is_sized else sized(preset, progress).preset
+    """Return the preset with the thickness that `sized_design` chooses, if the preset leaves it open."""
+    return preset if preset.statics.is_sized else sized_design(preset, progress).preset
 
 
 def guessed_preset(preset: Preset) -> Preset:
     """Return the preset with a first guess of the thickness, if it leaves it open; for quick drawings."""
     if preset.statics.is_sized:
         return preset
-    first = preset.sizing.first
-    if not first:
+    guess = preset.sizing.first
+    if not guess:
         surface = surface_step(preset.with_thickness(1.0), Log(None))
-        first = sizes(surface, preset.statics.material).thickness
-    return preset.with_thickness(min(_stock(preset, first)[0], key=lambda t: abs(np.log(t / first))))
+        guess = sizes(surface, preset.statics.material).thickness
+    return preset.with_thickness(min(_stock(preset, guess)[0], key=lambda t: abs(np.log(t / guess))))
 
 
-def sized(preset: Preset, progress: Progress = silent) -> Design:
+def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    The cut sheet of a first guess is solved at four thicknesses; these give the figures of the whole stock. The design
+    The cut sheet of a first guess is solved at three thicknesses; these give the figures of the whole stock. The design
     is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
-    is taken. If no thickness suffices, the pattern gets more material, then also closer members. If still none does,
-    the best of the trials is returned. `sizing_result` has the trials.
+    follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material,
+    then also closer members. If still none does, the best of the trials is returned. `sizing_result` has the trials.
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
-    first = guessed_preset(preset)
-    stock, source = _stock(preset, first.statics.thickness)
-    design, trials, best = Design.from_preset(first, None, progress), list[Trial](), (float("inf"), first)
-    changes = _changes(design)
-    for change in changes:
-        drawn = with_overrides(preset, change)
-        design = Design.from_preset(drawn.with_thickness(first.statics.thickness), design, progress)
+    guess = guessed_preset(preset)
+    thickness = guess.statics.thickness
+    stock, source = _stock(preset, thickness)
+    design, trials, nearest = Design.from_preset(guess, None, progress), list[SizingTrial](), (float("inf"), guess)
+    ladder = _changes(design)
+    for changes in ladder:
+        changed = with_overrides(preset, changes)
+        design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
-            rows = list(_trials(design, stock, progress))
+            rows = list(_stock_trials(design, stock, progress))
         except (PatternError, StaticsError):
-            if change == changes[-1] and not trials:
+            if changes == ladder[-1] and not trials:
                 raise
             continue
-        trials.extend(rows)
-        for trial in [row for row in rows if row.worst <= 1][:2]:
-            design = Design.from_preset(drawn.with_thickness(trial.thickness), design, progress)
-            trials.append(_trial(design, carrying(design), is_final=True))
-            if trials[-1].worst <= 1:
-                return _with_result(design, SizingResult(tuple(trials), source, change))
-        nearest = min(rows, key=lambda row: row.worst)
-        best = min(best, (nearest.worst, drawn.with_thickness(nearest.thickness)), key=lambda pair: pair[0])
-    design = Design.from_preset(best[1], design, progress)
+        cuts, chosen = _own_cuts(design, changed, rows, progress)
+        trials += [*rows, *cuts]
+        if chosen:
+            return _with_result(chosen, SizingResult(tuple(trials), source, changes))
+        row = min(rows, key=lambda row: row.worst)
+        if row.worst < nearest[0]:
+            nearest = row.worst, changed.with_thickness(row.thickness)
+    design = Design.from_preset(nearest[1], design, progress)
     trials.append(_trial(design, carrying(design), is_final=True))
     return _with_result(design, SizingResult(tuple(trials), source, {}))
+
+
+def _own_cuts(
+    design: Design, preset: Preset, rows: Sequence[SizingTrial], progress: Progress
+) -> tuple[list[SizingTrial], Design | None]:
+    """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
+    trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
+    trials, chosen = list[SizingTrial](), None
+    k = next((k for k, row in enumerate(rows) if row.worst <= 1), len(rows))
+    while 0 <= k < len(rows) and len(trials) < OWN_CUTS:
+        design = Design.from_preset(preset.with_thickness(rows[k].thickness), design, progress)
+        trial = _trial(design, carrying(design), is_final=True)
+        if trial.worst > 1:
+            trials.insert(0, trial)
+            k = len(rows) if chosen else k + 1
+            continue
+        trials, chosen = [*trials, trial], design
+        ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in rows[k].excess.items()}
+        k -= 1
+        if k >= 0 and max(rows[k].excess[name] * ratio for name, ratio in ratios.items()) > 1:
+            break
+    return trials, chosen
 
 
 def _with_result(design: Design, result: SizingResult) -> Design:
@@ -163,30 +188,31 @@ def _with_result(design: Design, result: SizingResult) -> Design:
     return design
 
 
-def _stock(preset: Preset, first: float) -> tuple[Sequence[float], str]:
-    """Return the thicknesses to try (m), ascending, and their origin in words. first : first guess, metres."""
+def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
+    """Return the thicknesses to try (m), ascending, and their origin in words. guess : metres."""
     if preset.sizing.thicknesses:
         return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
     if stock is None:
         steps = int(np.log(REACH) / np.log(SERIES))
-        series = [two_digits(first * SERIES**k) for k in range(-steps, steps + 1)]
+        series = [two_digits(guess * SERIES**k) for k in range(-steps, steps + 1)]
         return series, "steps of 15 %, because statics.material names no material with a stock"
-    near = [t for t in stock.metres if 1 / REACH <= t / first <= REACH]
-    return near or [min(stock.metres, key=lambda t: abs(t - first))], f"{preset.statics.material}, {stock.source}"
+    within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH]
+    source = f"{preset.statics.material}, {stock.source}"
+    return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
 
 
 def _changes(design: Design) -> list[dict[str, Any]]:
     """Return changes of the pattern to try one after the other: none, more material, and also closer members."""
-    width, more = design.preset.pattern.width, dict[str, Any]()
+    width, wider = design.preset.pattern.width, dict[str, Any]()
     if width.solid_fraction:
-        more["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
+        wider["pattern.width.solid_fraction"] = two_digits(min(MORE * width.solid_fraction, MOST))
     elif width.member:
-        more["pattern.width.member"] = two_digits(MORE * width.member)
-    return [{}, *([more] if more else []), more | spacing_changes(design, CLOSER)]
+        wider["pattern.width.member"] = two_digits(MORE * width.member)
+    return [{}, *([wider] if wider else []), wider | spacing_changes(design, CLOSER)]
 
 
-def _trials(design: Design, stock: Sequence[float], progress: Progress) -> Iterator[Trial]:
+def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> Iterator[SizingTrial]:
     """Yield a trial of each thickness on the cut sheet of a design.
     Raises StaticsError if the cut sheet does not stand."""
     thickness = design.preset.statics.thickness
@@ -202,7 +228,7 @@ def _trials(design: Design, stock: Sequence[float], progress: Progress) -> Itera
         yield _trial(design, replace(outcome, buckling=min(factors[name] for name in judged)))
 
 
-def _trial(design: Design, outcome: Carrying, is_final: bool = False) -> Trial:
+def _trial(design: Design, outcome: Carrying, is_final: bool = False) -> SizingTrial:
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf")
     movement = outcome.movement.share if outcome.movement else float("inf")
@@ -213,4 +239,4 @@ def _trial(design: Design, outcome: Carrying, is_final: bool = False) -> Trial:
         "buckling": targets.buckling / factor,
     }
     share = design.sheet.surface.area / design.surface.area
-    return Trial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, is_final)
+    return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, is_final)

@@ -1,7 +1,6 @@
 """A preset for a surface of one's own: axis, feet, sizes, text, and the commands that take a mesh."""
 
 import argparse
-import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -15,7 +14,6 @@ from numpy.testing import assert_allclose
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.workspace import open_preset
-from dsfab.app.new import strength_warning
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.design import Design
@@ -466,7 +464,7 @@ def built_words(command):
     flags.add_argument("--unit")
     flags.add_argument("--up")
     said = flags.parse_args(words[3:])
-    return Source(tuple(said.set), said.mesh, said.unit, said.up).read_preset(words[2])
+    return Source(tuple(said.set), said.mesh, said.unit, said.up).read_preset(words[2], thickness="guessed")
 
 
 @pytest.mark.parametrize("target", ["hall.obj", "roof"])
@@ -599,7 +597,7 @@ def test_the_members_of_a_long_deck_fit_its_thickness():
 @pytest.mark.slow
 def test_a_long_deck_bears_its_load():
     """Its timber bore 144 % of its strength, as `dsfab build` told at the end."""
-    design = Design.from_preset(propose(long_deck()).preset)
+    design = Design.from_preset(dsfab.preset_for(long_deck()))
     assert 0.5 < design.statics.answers.stress.peak.stress / design.preset.statics.strength < 1
 
 
@@ -708,7 +706,7 @@ def test_a_courtyard_roof_has_the_thickness_of_its_span():
     assert made.size.span == pytest.approx(6, rel=0.05)
     assert made.size.thickness == 0.06
     assert made.size.spacing < 1
-    assert "60 mm thick, 1/100 of the span of 5.99 m" in " ".join(made.lines)
+    assert "first guess 60 mm, 1/100 of the span of 5.99 m" in " ".join(made.lines)
 
 
 def sloping_folds(slope):
@@ -781,19 +779,6 @@ def test_a_shade_sail_hangs_from_all_of_its_corners():
     """Its cables are straight in elevation from high corners to low ones; it stood on the two low ones alone."""
     assert names(saddle_on_corners(0.14)) == [f"mast {i + 1}" for i in range(4)]
     assert names(saddle_on_corners(0.0)) == ["foot 1", "foot 2"]
-
-
-@pytest.mark.slow
-def test_a_roof_that_fails_under_its_own_weight_gives_a_warning(own):
-    """A roof of 140 m x 200 m on two feet was proposed at 256 % of its strength without a word; all around it bears."""
-    wide = Surface(25 * canopy(0.5).V, canopy(0.5).F)
-    told = strength_warning(propose(wide))
-    share = [float(word.rstrip("%")) for word in re.findall(r"[0-9]+(?=%)", told)]
-    assert share[0] > 100
-    assert share[0] > share[1]
-    assert "its own weight, and a thicker one weighs more: give it more feet" in told
-    assert not strength_warning(propose(canopy(0.5)))
-    assert not strength_warning(propose(Surface(12 * dome(edge=0.8).V, dome(edge=0.8).F)))
 
 
 def test_a_shape_that_tips_about_the_line_of_its_feet_gives_a_warning():

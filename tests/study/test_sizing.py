@@ -1,0 +1,126 @@
+"""Sizing: the thinnest sheet of the stock that meets the targets, from at most five solves of the cut sheet."""
+
+import re
+
+import numpy as np
+import pytest
+
+import dsfab
+from dsfab.app.cli import main
+from dsfab.core.errors import PresetError
+from dsfab.core.materials import STOCK
+from dsfab.design import Design
+from dsfab.preset.file import load_preset, preset_toml, with_overrides
+from dsfab.statics import factorisation
+from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
+from dsfab.study.calculix import lowest_buckling, solid_model
+from dsfab.study.carrying import carrying, cut_carrying, cut_statics
+from dsfab.study.check_model import cut_model
+from tests.calculix import ccx, needs_ccx
+
+AUTO = {
+    "surface.edge": 0.9,
+    "surface.length": 4.0,
+    "pattern.fillet": 0.0,
+    "pattern.major.spacing": 3.1,
+    "pattern.minor.spacing": 2.0,
+    "pattern.width": {"rule": "constant", "member": 0.6},
+    "slicing.min_member": None,
+    "statics": {"thickness": "auto", "material": "CLT"},
+    "sizing.first": 0.1,
+    "sizing.buckling": 8.0,
+}
+"""A coarse vault of CLT whose thickness is open."""
+
+
+def vault(**changes: object):
+    return load_preset("barrel_vault", AUTO | {key.replace("__", "."): value for key, value in changes.items()})
+
+
+@pytest.fixture(scope="module")
+def counted():
+    """The sized vault, and the number of factorisations of its cut sheet."""
+    count, factor = [], factorisation.stiffness_factor
+
+    def counting(surface, K, is_held):
+        count.append(surface.n)
+        return factor(surface, K, is_held)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(factorisation, "stiffness_factor", counting)
+        design = dsfab.sized_design(vault())
+    return design, sum(n != design.surface.n for n in count)
+
+
+def test_the_thinnest_sheet_of_the_stock_that_meets_the_targets_is_chosen(counted):
+    design, solves = counted
+    result = sizing_result(design)
+    chosen, rows = result.trials[-1], [trial for trial in result.trials if not trial.is_final]
+    assert solves <= 5
+    assert result.fits
+    assert [row.thickness for row in rows] == [t for t in STOCK["CLT"].metres if 0.1 / 3 <= t <= 0.3]
+    assert design.preset.statics.thickness == chosen.thickness
+    assert all(trial.worst > 1 for trial in result.trials if trial.thickness < chosen.thickness)
+    assert design.preset.slicing.min_member == chosen.thickness
+    judged = carrying(design)
+    assert (judged.use.value, judged.movement.share, judged.buckling) == (
+        chosen.utilisation,
+        chosen.movement,
+        chosen.buckling,
+    )
+
+
+def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted):
+    design, _ = counted
+    first = Design.from_preset(guessed_preset(vault()), design)
+    rows = {trial.thickness: trial for trial in sizing_result(design).trials if not trial.is_final}
+    for thickness in (0.08, 0.24):
+        judged, row = cut_carrying(cut_statics(first, thickness)), rows[thickness]
+        figures = judged.use.value, judged.movement.share, judged.buckling, judged.mass
+        np.testing.assert_allclose([row.utilisation, row.movement, row.buckling, row.mass], figures, rtol=0.03)
+
+
+def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
+    given, written = tmp_path / "given.toml", tmp_path / "sized.toml"
+    given.write_text(preset_toml(vault(sizing__thicknesses=[0.02], sizing__buckling=1e6)), encoding="utf-8")
+    assert main(["size", str(given), "-o", str(written)]) == 5
+    said = capsys.readouterr().out
+    assert len(re.findall(r"20 mm +\d+% .* misses .*buckling", said)) == 4
+    assert "no thickness meets the targets; 20 mm comes nearest: add supports, give the surface more rise" in said
+    assert load_preset(written).statics.thickness == 0.02
+    assert main(["size", str(given), "-o", str(written)]) == 1
+    assert f"{written} exists already" in capsys.readouterr().err
+
+
+def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run():
+    preset = vault(sizing__thicknesses=[0.3], sizing__buckling=0)
+    design = run_sized(preset)
+    assert design.has("thickening")
+    assert design.preset.statics.thickness == 0.3
+    fixed = with_overrides(preset, {"statics.thickness": 0.1})
+    assert sized_preset(fixed) is fixed
+    assert guessed_preset(fixed) is fixed
+
+
+def test_a_material_without_a_strength_is_refused():
+    preset = vault(statics={"thickness": "auto", "young": 1e10})
+    with pytest.raises(PresetError, match=re.escape("statics gives neither a material nor a strength")):
+        dsfab.sized_design(preset)
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_the_figures_of_a_sized_structure_are_those_of_calculix(counted, tmp_path):
+    """Movement by six-node shells in the model that dsfab exports, buckling by a solid of quadratic wedges."""
+    design, _ = counted
+    chosen, sheet, statics = sizing_result(design).trials[-1], design.sheet.surface, design.preset.statics
+    (theirs,) = ccx(cut_model(design).model, tmp_path)
+    moved = np.linalg.norm(theirs.u[: sheet.n], axis=1).max()
+    assert chosen.movement * carrying(design).movement.span == pytest.approx(moved, rel=0.1)
+    normal = np.zeros_like(sheet.V)
+    for corner in sheet.F.T:
+        np.add.at(normal, corner, sheet.normals * sheet.areas[:, None])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    (load,) = design.cut_loads.values()
+    solid = solid_model(sheet, normal, statics.thickness, statics.elastic, load)
+    assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)
