@@ -104,7 +104,7 @@ class Carrying:
     buckling_case : its case; ''.
     mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
     faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
-    stress   : (m,) von Mises stress (Pa) of faces of the cut sheet in the case of the most used member, or the first."""
+    stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or the first case."""
 
     thickness: float
     mass: float
