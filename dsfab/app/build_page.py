@@ -93,7 +93,7 @@ class BuildPage:
         failed = [line for line in _fabrication_lines(facts) if "fail" in line or line.startswith("narrower")]
         know = [*loses, *refused, *self._know, *failed]
         know += [note.text for note in design.notes if note.stage in USER_STAGES]
-        done = [facts["pattern"]["summary"]]
+        done = [f"pattern: {facts['pattern']['summary']}"]
         done += [note.text for note in design.notes if note.stage not in USER_STAGES]
         self._print_list("you should know", know, LINES - 5 - self._count)
         self._print_list("done for you", done, LINES - 1 - self._count)
@@ -119,7 +119,7 @@ def _fabrication_lines(facts: Mapping[str, Any]) -> list[str]:
 def _verbose_lines(design: "Design", saved: "SavedDesign") -> list[str]:
     from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
     from dsfab.report.design.inspection import load_lines, quality_lines
-    from dsfab.report.design.statics import answer_lines
+    from dsfab.report.design.statics import mode_lines
 
     facts, solid, description = saved.facts, design.solid, design.preset.description
     pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
@@ -127,7 +127,7 @@ def _verbose_lines(design: "Design", saved: "SavedDesign") -> list[str]:
     choices = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
     measures = (*quality_lines(facts["pattern"]), *_fabrication_lines(facts))
     exported = (f"export: {text}" for text in saved.messages)
-    lines = (description, f"solid: {closed}", *load_lines(facts), *choices, *answer_lines(design), *measures, *exported)
+    lines = (description, f"solid: {closed}", *load_lines(facts), *choices, *mode_lines(design), *measures, *exported)
     return [line for line in lines if line]
 
 

@@ -47,6 +47,11 @@ class Elements:
         return f"{self.membrane}+{self.bending or 'none'}"
 
     @property
+    def is_reported(self) -> bool:
+        """True if results of these elements may be reported; those of others are fit for directions or ranking only."""
+        return any(self in (pair, pair.in_plane) for pair in REPORTED)
+
+    @property
     def in_plane(self) -> "Elements":
         """The same elements without bending."""
         return replace(self, bending=None)

@@ -1,7 +1,7 @@
 """Whether a cut structure carries its loads: its most used member, movement, factor of buckling, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -126,19 +126,8 @@ class Carrying:
 
     def facts(self) -> dict[str, Any]:
         """Return the key `carrying` of `design.json`, in SI units."""
-        use, movement = self.use, self.movement
-        return {
-            "outcome": self.outcome,
-            "of": "the cut sheet",
-            "faults": list(self.faults),
-            "remarks": list(self.remarks),
-            "thickness_m": self.thickness,
-            "mass_kg": self.mass,
-            "most_used": use and {**vars(use), "place": list(use.place)},
-            "movement": movement and {**vars(movement), "place": list(movement.place), "share_of_span": movement.share},
-            "buckling": None if self.buckling is None else {"factor": self.buckling, "case": self.buckling_case},
-            "reactions": [vars(row) for row in self.reactions],
-        }
+        share = self.movement.share if self.movement else None
+        return asdict(self) | {"outcome": self.outcome, "of": "the cut sheet", "movement_over_span": share}
 
 
 @dataclass(frozen=True, eq=False)
@@ -351,9 +340,8 @@ def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
         answer, standing = statics.answers[name], mode_supports(model.surface, statics.loads[name])
         if standing.told:
             remarks[f"buckling: {standing.told}"] = None
-        bends = answer.elements.bending is not None
-        elements = answer.elements if bends else elements_of("buckling")
-        K = statics.stiffness if bends else None
+        elements = elements_of("buckling")
+        K = statics.stiffness if answer.elements == elements else None
         try:
             lowest = buckling(model, standing.load, answer, 1, elements, K, statics.factor_of).factor
         except StaticsError as error:

@@ -379,6 +379,7 @@ def test_ctrl_c_stops_a_build_with_one_line_and_leaves_no_files(tmp_path):
         "--set",
         "surface.edge=0.015",
         "--no-picture",
+        "--verbose",
     ]
     process = subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     begun = process.stderr.readline()  # it works, however long it took to start
@@ -416,7 +417,7 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
         "repaired": [],
         "dropped": ["1 face with fewer than three corners", "1 vertex without a face"],
     }
-    assert "you should know:\n  cap.obj, dropped: 1 vertex without a face" in said
+    assert "  cap.obj, dropped: 1 vertex without a face" in said
     assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
 
 

@@ -18,7 +18,7 @@ THREE = ["compare", "cantilever", "domme", "cantilever_light", *COARSE]
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("many") / "out"
-    assert main([*THREE, "-o", str(folder)]) == 1
+    assert main([*THREE, "-o", str(folder)]) == 4
     return folder
 
 
@@ -56,14 +56,14 @@ def test_resuming_computes_missing_rows_and_rows_with_other_options(compared, mo
 
     monkeypatch.setattr(compare, "compare_one", noted)
     before = (compared / "cantilever" / "results.json").read_bytes()
-    assert main([*THREE, "--resume", "-o", str(compared)]) == 1
+    assert main([*THREE, "--resume", "-o", str(compared)]) == 4
     assert made == []
     assert capsys.readouterr().err.count("compared already") == 2
     (compared / "cantilever_light" / "results.json").write_text("{", encoding="utf-8")
-    assert main([*THREE, "--resume", "-o", str(compared)]) == 1
+    assert main([*THREE, "--resume", "-o", str(compared)]) == 4
     assert made == ["cantilever_light"]
     assert (compared / "cantilever" / "results.json").read_bytes() == before
-    assert main([*THREE, "--set", "statics.thickness=0.02", "--resume", "-o", str(compared)]) == 1
+    assert main([*THREE, "--set", "statics.thickness=0.02", "--resume", "-o", str(compared)]) == 4
     assert made == ["cantilever_light", "cantilever", "cantilever_light"]
 
 
@@ -71,7 +71,7 @@ def test_two_presets_of_one_name_do_not_overwrite_each_other(tmp_path, monkeypat
     monkeypatch.setattr(compare, "compare_one", lambda *_, **__: 0)
     found = {"verdict": "pass", "reason": "", "mass_kg": 1.0, "area_fraction": 0.5, "compliance_J": 1.0, "bound": 0.01}
     monkeypatch.setattr(compare, "_row_of_folder", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
-    assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 1
+    assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 4
     first, second = json.loads(capsys.readouterr().out)
     assert (first["verdict"], first["error"]) == ("pass", "")
     assert second["error"].startswith("two presets have the name cantilever")

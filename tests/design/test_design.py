@@ -152,13 +152,9 @@ def test_python_and_the_command_line_write_the_same_smooth_step_file(
     assert b"UNIFORM_SURFACE" in ours or b"B_SPLINE_SURFACE" in ours
 
 
-def test_other_files_are_written_while_a_program_judges_a_step_file(
+def test_the_verdict_and_quick_files_come_before_a_step_file(
     whole: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """They are told as what takes the time, and named in the order in which they were asked for.
-
-    What is fabricated is measured then, too.
-    """
     judge, one, told = tmp_path / "judge.py", save.write, list[str]()
     judge.write_text("print('valid')")
 
@@ -173,11 +169,12 @@ def test_other_files_are_written_while_a_program_judges_a_step_file(
     saved = save.save(design, tmp_path / "out", lambda stage, text: told.append(text) or False, picture=False)
     name = whole.preset.name
     assert told[-5:] == [
-        *(f"writing and reading back {name}.{suffix}" for suffix in ("step", "stl", "3mf")),
+        "judging the cut structure",
+        *(f"writing and reading back {name}.{suffix}" for suffix in ("stl", "3mf")),
         "measuring members, gaps and walls",
-        f"reading back {name}.step",
+        f"writing and reading back {name}.step",
     ]
-    assert saved.facts["files"] == [f"{name}.{suffix}" for suffix in ("stl", "step", "3mf")]
+    assert saved.facts["files"] == [f"{name}.{suffix}" for suffix in ("stl", "3mf", "step")]
     assert {*saved.facts["files"], "sheet.ply", "design.npz"} <= {path.name for path in (tmp_path / "out").iterdir()}
 
 

@@ -230,6 +230,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
     under      : whether the narrowest member is narrower than the least width.
     bars_under : for each bar of the histogram of widths, whether its widths are below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
+    solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
     least = preset.fabrication.min_member or least_widths(draft.resolved_preset, draft.surface).member
     limits, share = member_features.histogram(least)
@@ -248,7 +249,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # no bar contains the least width
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
-        "compliance": draft.statics.equilibrium.compliance,
+        "compliance": solved.compliance if solved.elements.is_reported else None,
         "notes": notes,
     }
 

@@ -16,6 +16,11 @@ LEVEL = 1e-3
 """Share of the whole reaction below which a thrust is rounding: supports of a plate under its weight push up alone."""
 
 
+OPPOSED = 0.1
+"""Share of the thrust below which the resultant says nothing, as of both walls of a vault, or of a ring. Feet have
+0.4: their vertices also hold the foot together."""
+
+
 def verdict_line(name: str, carrying: "Carrying") -> str:
     """Return the first line of a build: whether the design carries its loads, and why not."""
     if carrying.outcome == "not judged":
@@ -85,7 +90,7 @@ def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
     words = f"{size / 1e3:.3g}", f"{row['direction']:.0f} deg"
     if thrust <= LEVEL * _size(row):
         words = "0", "-"
-    elif size < thrust / 2:  # both walls of a vault, or a ring: the sum says nothing
+    elif size < OPPOSED * thrust:
         words = f"{thrust / 1e3:.3g}", "opposite ways"
     return row["support"], *((row["case"],) if several else ()), f"{row['vertical'] / 1e3:.3g}", *words
 

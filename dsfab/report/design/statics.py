@@ -3,7 +3,6 @@
 from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import value_with_bound
-from dsfab.statics import REPORTED
 from dsfab.study.verdict.estimates import quantile
 
 if TYPE_CHECKING:
@@ -20,7 +19,7 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
     Frequencies and buckling factors appear only on request; a list without results is empty."""
     answers, questions, areas = case.answers, design.preset.statics.analyses, design.surface.areas
     stress, facts = answers.stress, dict[str, Any](answered_by=str(answers.elements))
-    if _is_reported(answers.equilibrium):
+    if answers.elements.is_reported:
         facts |= {
             "largest_von_mises_Pa": stress.peak.stress,
             "largest_von_mises_at": {
@@ -40,11 +39,6 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
     if questions.buckling:
         facts["buckling_factors"] = answers.buckling.factor.tolist() if answers.buckling else []
     return facts
-
-
-def _is_reported(answer: "Equilibrium") -> bool:
-    """Return whether numbers of these elements may be reported; others are fit for directions only."""
-    return any(answer.elements in (pair, pair.in_plane) for pair in REPORTED)
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
@@ -90,31 +84,12 @@ def mode_lines(design: "Design") -> list[str]:
     return [f"uncut sheet, {len(intervals.levels)} meshes: {' and '.join(words)}{assumed}"]
 
 
-def answer_lines(design: "Design") -> list[str]:
-    """Return lines on requested buckling factors and frequencies of the uncut sheet, in the worst cases."""
-    cases = design.statics.cases
-    answers = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
-    under = {name: f", {name}" if len(cases) > 1 else "" for name in answers}
-    lines = []
-    buckled = {name: answer.buckling for name, answer in answers.items() if answer.buckling is not None}
-    if factors := {name: buckling.factor for name, buckling in buckled.items() if len(buckling.factor)}:
-        worst = min(factors, key=lambda name: float(factors[name][0]))
-        listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
-        caution = "(linear, perfect shape; real shells at a fifth to a half)"
-        lines.append(f"uncut sheet{under[worst]}: buckles at {listed} x the load {caution}")
-    if vibration := next((answer.vibration for answer in answers.values() if answer.vibration), None):
-        hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
-        several = len(vibration.hertz) > 1
-        lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")
-    return [*lines, *mode_lines(design)]
-
-
 def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
     """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium.
     Elements that are fit for directions only give neither compliance nor displacement."""
     moved = {"compliance_J": answer.compliance, "largest_displacement_m": answer.largest_displacement}
     return {
-        **(moved if _is_reported(answer) else {}),
+        **(moved if answer.elements.is_reported else {}),
         "imbalance": answer.imbalance,
         "residual": answer.residual,
         **balance(design, load, answer),
