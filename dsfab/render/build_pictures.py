@@ -37,7 +37,7 @@ ANALYSIS_LOOK = Look((800, 760))  # default style of each half of a picture of t
 SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, because a person would dwarf the model
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of the main view and of the words, over the height of the picture
 MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
-"""Light of the large view, and of small views, of which a build has four: half of the lamps save a third of the time."""
+"""Light of the large view, and of small views; half of the lamps take two thirds of the time."""
 LETTERS = 0.68  # size of letters over that of a picture as high as wide
 PANEL_SHARE = 0.84  # largest share of the width and of the height of a panel that a plan or an elevation fills
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
@@ -90,7 +90,7 @@ class ClientPicture:
         radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
         side = best_side(V, up)
         side = named_side(V, up, WALL_VIEW) if side.front else side
-        foot, right = place_beside(V, side.towards, up, level)
+        foot, right = place_beside(V, side, up, level)
         figure = pencil(foot, right, up) if self.is_small else person(foot, right, up)
         bodies.append(Body(*figure, palette.colour_bytes("person")))
         return Stage(bodies, page_view(bodies, side, self._main_size, words=False), level, centre, radius)
