@@ -127,7 +127,8 @@ class Carrying:
     def facts(self) -> dict[str, Any]:
         """Return the key `carrying` of `design.json`, in SI units."""
         share = self.movement.share if self.movement else None
-        return asdict(self) | {"outcome": self.outcome, "of": "the cut sheet", "movement_over_span": share}
+        facts = asdict(replace(self, stress=None)) | {"outcome": self.outcome, "of": "the cut sheet"}
+        return {key: value for key, value in facts.items() if key != "stress"} | {"movement_over_span": share}
 
 
 @dataclass(frozen=True, eq=False)
