@@ -27,8 +27,9 @@ from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.arrays import distances_from_segments
 from dsfab.design.log import silent
 from dsfab.preset.file import with_overrides
-from dsfab.render.design_picture import caption
+from dsfab.render.design_picture import caption, client_picture
 from dsfab.render.lettering import PAPER
+from dsfab.render.opengl import require_rendering
 from dsfab.render.picture import Look, picture
 from dsfab.render.previewer import panels
 from dsfab.render.view import up_axis
@@ -104,6 +105,10 @@ def draw(name: str) -> None:
         changes = {**changes, "surface.file": str(mesh_file(changes["surface.file"]))}
     given = dsfab.preset_for(preset) if Path(preset).suffix == ".obj" else dsfab.load_preset(preset, changes)
     design = dsfab.run(given)
+    if name == "my_roof":  # the page shows preview.png
+        require_rendering()
+        write(client_picture(design).render(), name)
+        return
     solid = design.solid
 
     def built(size, load):
@@ -111,8 +116,6 @@ def draw(name: str) -> None:
 
     if name in ALONE:
         write(built(WHOLE, design.load), name)
-    if name == "my_roof":
-        return
     above = panels(design, ("loads", "directions"), PANEL, silent).pixels
     bare = picture(solid.V, solid.F, caption=caption(design), look=Look(PANEL, up=upwards(design)))
     write(np.concatenate([above, np.concatenate([by_family(design), bare], axis=1)]), f"{name}_steps")

@@ -12,7 +12,7 @@ from dsfab.render.colouring import Colouring, with_bar
 from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person, render_stage, set_stage
 from dsfab.render.fabrication import Callout, with_callouts
 from dsfab.render.lettering import Legend, Palette, length_label, with_legend
-from dsfab.render.light import ROUGH
+from dsfab.render.light import LightQuality
 from dsfab.render.marks import PENCIL_LENGTH, joint_mesh, pencil, place_beside
 from dsfab.render.picture import Look, StructurePicture
 from dsfab.render.scene import Body, Bytes, Scene
@@ -36,7 +36,8 @@ CLIENT_LOOK = Look((1600, 1600))  # default style of a picture for clients
 ANALYSIS_LOOK = Look((800, 760))  # default style of each half of a picture of the analysis
 SMALLEST_BUILDING = 2.5  # size (m) below which a pencil shows the scale, because a person would dwarf the model
 MAIN_SHARE, WORDS_SHARE = 0.66, 0.06  # heights of the main view and of the words, over the height of the picture
-PANEL_LIGHT = replace(ROUGH, finer=2)  # quality of light in small views
+MAIN_LIGHT, PANEL_LIGHT = LightQuality(8, 24, 6), LightQuality(2, 4, 1, 320, 192, (0.012, 0.05))
+"""Light of the large view, and of small views; half of the lamps take two thirds of the time."""
 LETTERS = 0.68  # size of letters over that of a picture as high as wide
 PANEL_SHARE = 0.84  # largest share of the width and of the height of a panel that a plan or an elevation fills
 WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing plate
@@ -89,7 +90,7 @@ class ClientPicture:
         radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
         side = best_side(V, up)
         side = named_side(V, up, WALL_VIEW) if side.front else side
-        foot, right = place_beside(V, side.towards, up, level)
+        foot, right = place_beside(V, side, up, level)
         figure = pencil(foot, right, up) if self.is_small else person(foot, right, up)
         bodies.append(Body(*figure, palette.colour_bytes("person")))
         return Stage(bodies, page_view(bodies, side, self._main_size, words=False), level, centre, radius)
@@ -107,7 +108,7 @@ class ClientPicture:
         palette, stage = self.look.palette, self.stage
         page = Image.new("RGB", self.look.size, palette.paper)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-            page.paste(render_stage(scene, stage, palette, self._main_size), (0, 0))
+            page.paste(render_stage(scene, stage, palette, self._main_size, MAIN_LIGHT), (0, 0))
             scale = self._draw_panels(page, scene)
         words = f"pencil, {length_label(PENCIL_LENGTH)}" if self.is_small else f"person, {PERSON_HEIGHT:g} m"
         line = Legend(self.caption, [], scale, ((words, palette.person),))

@@ -25,9 +25,8 @@ from dsfab.render.fabrication import Callout
 from dsfab.render.lettering import PAPER, Palette
 from dsfab.render.light import QUICK
 from dsfab.render.opengl import require_rendering
-from dsfab.render.picture import Look, StructurePicture, picture, png_bytes, write_png
+from dsfab.render.picture import Look, StructurePicture, png_bytes, write_png
 from dsfab.render.previewer import DEFAULT_SIZE, Previewer, layer_names
-from dsfab.render.scene import Bytes
 from dsfab.render.view import named_side, up_axis
 
 if TYPE_CHECKING:
@@ -82,24 +81,6 @@ def _carrying_callouts(judged: "Carrying", palette: Palette) -> list[Callout]:
     return notes
 
 
-def structure_picture(
-    design: Design,
-    *,
-    view: str = "iso",
-    marks: bool | Collection[str] = True,
-    ground: GroundKind = "paper",
-    size: tuple[int, int] = DEFAULT_SIZE,
-) -> Bytes:
-    """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes, or 4 on transparent ground.
-
-    The structure has round corners, filled openings and no loose ends; a preview is drawn before these steps.
-    view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
-    """
-    drawing = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
-    require_rendering()
-    return drawing.render()
-
-
 def structure_drawing(
     design: Design,
     *,
@@ -108,7 +89,9 @@ def structure_drawing(
     ground: GroundKind = "paper",
     size: tuple[int, int] = DEFAULT_SIZE,
 ) -> StructurePicture:
-    """Return the data of `structure_picture`, with its parameters. Raises DsfabError for an impossible design."""
+    """Return the data of a picture of the finished structure in the style of `Previewer`.
+    view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
+    """
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -195,11 +178,8 @@ def inline_picture(design: Design) -> bytes | None:
     """Return PNG bytes of a design's solid or of its preview. If this machine cannot draw, warn and return None."""
     try:
         if design.has("thickening"):
-            solid, words = design.solid, caption(design)
-            look = Look(NOTEBOOK_SIZE)
-            return png_bytes(
-                picture(solid.V, solid.F, surface=design.surface, load=design.load, caption=words, look=look)
-            )
+            require_rendering()
+            return png_bytes(structure_drawing(design, size=NOTEBOOK_SIZE).render())
         with Previewer(design) as previewer:
             return png_bytes(previewer.picture(NOTEBOOK_SIZE, quality=QUICK))
     except DsfabError as error:

@@ -81,9 +81,11 @@ def set_stage(
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind a plate
     elif "person" in annotations.layers and stands and PERSON_RANGE[0] <= float(np.ptp(V @ up)) <= PERSON_RANGE[1]:
-        bodies.append(Body(*_person_beside(V, side, level), palette.colour_bytes("person")))
+        bodies.append(Body(*person(*marks.place_beside(V, side, up, level), up), palette.colour_bytes("person")))
     if "tree" in annotations.layers and stands:
-        bodies.append(Body(*_tree_beside(V, side, level), palette.colour_bytes("person")))
+        foot, right = marks.place_beside(V, side, up, level, -1.0)
+        tree = marks.tree(foot - 0.2 * TREE_HEIGHT * right, up, TREE_HEIGHT)
+        bodies.append(Body(*tree, palette.colour_bytes("person")))
     view = page_view(bodies, side, size)
     radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
     return Stage(bodies, view, level if stands else None, centre, radius)
@@ -125,28 +127,6 @@ def _marks(
     if "gradients" in annotations.layers and annotations.gradient is not None:
         meshes["gradient"] = marks.gradient_arrows(surface, annotations.gradient, reach, half, towards)
     return meshes
-
-
-def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
-    middle, right, level = _ground_frame(V, side, foot)
-    near_foot, apart = V[V @ side.up < foot + PERSON_HEIGHT + 0.6], 0.55  # points at the person's height
-    if not len(near_foot):  # the person stands outside a roof on tall cones
-        near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
-    distance = float(((near_foot - middle) @ right).max()) + apart
-    return person(middle + distance * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
-
-
-def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.MarkMesh:
-    middle, right, level = _ground_frame(V, side, foot)
-    distance = float(((middle - V) @ right).max()) + 0.32 * TREE_HEIGHT
-    return marks.tree(middle - distance * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE_HEIGHT)
-
-
-def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
-    right = np.cross(side.up, side.towards)
-    right /= np.linalg.norm(right)
-    middle = (V.min(axis=0) + V.max(axis=0)) / 2
-    return middle + (foot - middle @ side.up) * side.up, right, np.cross(right, side.up)
 
 
 def legend(

@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.core.errors import DsfabError
 from dsfab.render.lettering import Palette
 from dsfab.render.scene import Body
+from dsfab.render.view import ViewSide
 from dsfab.surface import LoadCase, Surface, centroid
 
 if TYPE_CHECKING:
@@ -208,16 +209,15 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     return joint_mesh([trunk, crown])
 
 
-def place_beside(V: Floats, towards: Floats, up: Floats, level: float) -> tuple[Floats, Floats]:
+def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
     """Return a place (3,) on the ground to the right of vertices V (n, 3), nearer to the eye than their middle, and the
-    unit vector (3,) to the right. towards : (3,) towards the eye. level : height of the ground (m).
+    unit vector (3,) to the right. level : height of the ground (m). which : -1 for a place to the left, farther away.
     """
-    right = np.cross(up, towards)
-    right /= np.linalg.norm(right)
-    front, x = np.cross(right, up), V @ right
-    y = V @ front
+    right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
+    x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
     gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.3 * float(np.ptp(x))))
-    return (x.max() + gap) * right + ((y.min() + y.max()) / 2 + 0.25 * np.ptp(y)) * front + level * up, right
+    depth = (y.min() + y.max()) / 2 + which * 0.25 * np.ptp(y)
+    return which * (x.max() + gap) * right + depth * front + level * up, right
 
 
 PENCIL_LENGTH, PENCIL_WIDTH = 0.175, 0.007  # m

@@ -79,15 +79,11 @@ def picture(
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
-    size, up, palette = look.size, look.up, look.palette
-    member = _member_colours(faces, family, palette)
+    up, member = look.up, _member_colours(faces, family, look.palette)
     axis = up_axis(vertices, surface, load) if up is None else np.asarray(up, dtype=np.float64)
     side = best_side(vertices, axis / np.linalg.norm(axis))
-    half, body = _half_thickness(vertices, faces), Body(vertices, faces, member, casts=True)
-    stage = set_stage(body, side, axis, half, Annotations(surface, load), palette, size)
-    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = render_stage(scene, stage, palette, size)
-    return np.asarray(with_legend(image, legend(stage, caption, palette, size), palette, look.letters))
+    annotations, half = Annotations(surface, load), _half_thickness(vertices, faces)
+    return StructurePicture(vertices, faces, half, side, axis, annotations, caption, look, colours=member).render()
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,6 +93,7 @@ class StructurePicture:
     side, up: view side, and (3,) unit vector up.
     annotations : marks beside the structure.    caption : line below the picture.
     look    : size and colours; its `up` is not used.    clear : transparent ground in place of paper.
+    colours : (3,) or (m, 3) of the faces; None for the colour of members.
     """
 
     V: Floats
@@ -107,18 +104,21 @@ class StructurePicture:
     annotations: Annotations
     caption: str
     look: Look
-    clear: bool
+    clear: bool = False
+    colours: Bytes | None = None
 
     def render(self, quality: LightQuality = FINE) -> Bytes:
         """Return (height, width, 3 or 4) bytes. This machine is not tested: if VTK cannot draw, it ends the process."""
         palette, size = self.look.palette, self.look.size
-        body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
+        colours = np.array(palette.members, dtype=np.uint8) if self.colours is None else self.colours
+        body = Body(self.V, self.F, colours, casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.annotations, palette, size)
         if self.side.towards @ self.up < 0:  # views from below have no ground
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = render_stage(scene, stage, palette, size, quality, self.clear)
-        return np.asarray(with_legend(image, legend(stage, self.caption, palette, size), palette))
+        words = legend(stage, self.caption, palette, size)
+        return np.asarray(with_legend(image, words, palette, self.look.letters))
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:

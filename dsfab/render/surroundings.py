@@ -59,16 +59,16 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
     outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
     borders = np.stack([ends[surface.edges.outline] for ends in half_edges(surface.F)], axis=1)
     borders = borders[supported[borders].all(axis=1)]
+    kind: PartKind
     supports = list[SupportPart]()
     for group in groups:
         edges, towards, points = borders[label[borders[:, 0]] == label[group[0]]], inner[group], surface.V[group]
         extent, is_high = _extent(points, up), float((towards @ up).mean()) > STEEP
+        kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
         if is_high and not outer[group].any():
             kind, along = "hanger", up
         elif side is not None:
             kind, along = "abutment", side
-        else:
-            kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
         is_beside = along is not up and side is None and (is_high or np.ptp(points @ up) > UPRIGHT * extent)
         outwards = unit_vectors(towards - np.outer(towards @ up, up)) if is_beside else np.zeros_like(points)
         supports.append(SupportPart(kind, group, edges, along, outwards))

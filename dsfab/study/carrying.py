@@ -105,7 +105,7 @@ class Carrying:
     buckling_case : its case; ''.
     mass     : kg, of the sheet times its thickness.     reactions : by support, then by case.
     faults   : sentences on why it does not carry.       remarks : sentences on missing figures and assumptions.
-    stress   : (m,) von Mises stress (Pa) of faces of the cut sheet in the case of the most used member, or the first."""
+    stress   : (m,) von Mises stress (Pa) of the cut sheet in the case of the most used member, or the first case."""
 
     thickness: float
     mass: float
@@ -128,7 +128,8 @@ class Carrying:
     def facts(self) -> dict[str, Any]:
         """Return the key `carrying` of `design.json`, in SI units."""
         share = self.movement.share if self.movement else None
-        return asdict(self) | {"outcome": self.outcome, "of": "the cut sheet", "movement_over_span": share}
+        facts = asdict(replace(self, stress=None)) | {"outcome": self.outcome, "of": "the cut sheet"}
+        return {key: value for key, value in facts.items() if key != "stress"} | {"movement_over_span": share}
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from dsfab.app.preview import picture_names
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design import Design, draft
 from dsfab.preset.file import load_preset, with_overrides
-from dsfab.render.design_picture import structure_picture
+from dsfab.render.design_picture import structure_drawing
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, needs_only_settings
@@ -120,7 +120,7 @@ def test_preview_shows_the_built_design_or_the_uncut_design_if_no_cut_is_possibl
     path = tmp_path / "dome.png"
     assert main(words(path, "-q")) == 0
     shown = np.asarray(Image.open(path))
-    assert np.array_equal(shown, structure_picture(built, marks=(), size=(160, 120)))
+    assert np.array_equal(shown, structure_drawing(built, marks=(), size=(160, 120)).render())
 
     def uncut(design: Design, stage: str) -> Design:
         raise PatternError("a piece reaches no support")

@@ -20,7 +20,7 @@ from dsfab.render.lettering import PAPER
 from dsfab.report.contact_sheet import ContactTile, contact_sheet
 from tests.own_meshes import OWN
 
-ACROSS, WIDE, ASPECT = 5, 640, 4 / 3
+ACROSS, WIDE, ASPECT = 5, 640, 1.0
 HEAD = ("s", "pieces", "ends", "slits", "gap/t", "member/t", "STEP")
 
 

@@ -204,3 +204,26 @@ def test_a_turned_roof_is_square_to_its_plan():
     plan, elevation = plan_and_elevation(V, Z)
     np.testing.assert_allclose(plane_extents(V, plan), [10, 8], rtol=1e-3)
     np.testing.assert_allclose(plane_extents(V, elevation), [10, 0], atol=1e-2)
+
+
+def test_low_feet_on_one_side_of_a_stand_are_columns_and_no_abutment():
+    """Its roof rises from the feet, all of which are behind it."""
+    stand = moved(slab(), lambda x, y: 0.5 * (x + 5))
+    parts = building_supports(stand, loaded(stand, corners(stand) & (stand.V[:, 0] < 0)), Z)
+    assert [part.kind for part in parts] == ["column", "column"]
+
+
+@pytest.mark.parametrize(("rise", "kind"), [(0.02, "column"), (1.0, "hanger")])
+def test_a_nearly_flat_ceiling_stands_on_columns(rise, kind):
+    """It hangs only where it clearly falls away from its supports."""
+    ceiling = hill(rise, 4.0)
+    parts = building_supports(ceiling, loaded(ceiling, in_loops(ceiling, slice(1, None))), Z)
+    assert {part.kind for part in parts} == {kind}
+
+
+def test_posts_beside_upright_edges_of_a_wall_are_as_high_as_the_wall():
+    wall = CASES["wall"].surface
+    stage = picture(wall, ends(wall, 0, -1, 1)).stage
+    posts = stage.bodies[1].V
+    assert posts[:, 2].max() == pytest.approx(1.5)  # as wide as the sheet is thick, and beside it
+    assert np.abs(posts[:, 0]).min() >= 3.0

@@ -1,5 +1,6 @@
 """Pictures of a finished design, drawn by another process: the same pictures, whatever becomes of that process."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -130,3 +131,9 @@ def test_the_use_of_a_stronger_material_is_smaller_by_its_strength(vault):
     assert unknown.faces.words == "does not carry: no part is held"
     assert judged.stress.shape == (vault.sheet.surface.m,)
     assert judged.stress.min() >= 0
+
+
+def test_facts_of_a_verdict_are_json_without_the_stress_of_each_face(vault):
+    facts = json.loads(json.dumps(carrying(vault).facts()))
+    assert facts["outcome"] == "not judged"
+    assert "stress" not in facts
