@@ -23,7 +23,7 @@ INPUTS = (
     HopsParameter(
         "supports", "S", "Points that hold the surface near them; left out: its feet.", "Point", is_list=True
     ),
-    HopsParameter("snow", "Sn", "Pa on the plan; left out: 750, a placeholder for your code.", "Number"),
+    HopsParameter("snow", "Sn", "Pa on the plan; left out: the usual load of its kind, a placeholder.", "Number"),
     HopsParameter("spacing", "Sp", "Distance from one member to the next, in the unit of the model.", "Number"),
     HopsParameter("thickness", "T", "Thickness of the sheet, in the unit of the model.", "Number"),
     HopsParameter("share", "Sh", "Share of the surface that is material, 0 to 1.", "Number"),

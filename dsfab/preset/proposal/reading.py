@@ -16,7 +16,7 @@ from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
 from dsfab.preset.proposal.judgement import Choice, choice
 from dsfab.preset.proposal.readings import SOLE, Place, soles
-from dsfab.preset.proposal.shape import is_figure, is_nearly_closed
+from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
     RawMesh,
@@ -49,20 +49,28 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
 
     suffix : suffix of the file, with the dot.
     usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
-    -y is possible only for surfaces that reach below y = 0. A closed surface has the axis on which it stands best."""
+    -y is possible only for surfaces that reach below y = 0. A sculpture has the axis on which it stands best."""
     y = Y_UP**2 if suffix.lower() in MOSTLY_Z else Y_UP
     if usual == "z" or suffix.lower() in Z_UP:
         return {"z": 1.0}
     below = surface.V[:, 1].min() < -GROUND * surface.size
-    if is_nearly_closed(surface):
+    if is_figure(surface):
         clear = 0.5 if suffix.lower() in MOSTLY_Z else 0.1
         axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
-        score = {axis: _stability(upright_vertices(surface.V, axis), surface) for axis in axes}
+        score = {axis: _standing(upright_vertices(surface.V, axis), surface) for axis in axes}
         best = max(axes, key=lambda axis: score[axis])
-        return {best if score[best] > _stability(surface.V, surface) + clear else "z": 1.0}
+        return {best if score[best] > _standing(surface.V, surface) + clear else "z": 1.0}
     if usual == "y":
         return {"y": 1.0, "z": Y_UP}
     return {"z": 1.0, "y": y} | ({"-y": y} if below else {})
+
+
+def _standing(V: Floats, surface: Surface) -> float:
+    """Return the stability of a sculpture, and the share of its free edge on which it stands. V : (n, 3) with z up."""
+    edges = surface.edges
+    low = (V[edges.ends, 2] <= V[:, 2].min() + 0.05 * np.ptp(V[:, 2])).all(axis=1)
+    length = surface.edge_lengths * edges.boundary
+    return _stability(V, surface) + float(length[low].sum() / max(length.sum(), 1e-12))
 
 
 def _stability(V: Floats, surface: Surface) -> float:

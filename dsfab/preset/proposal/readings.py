@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
-from dsfab.preset.proposal.shape import DEPTH, RISE, STRIP, Edge, Shape, is_scalloped
+from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25
@@ -16,6 +16,10 @@ RARER = 0.8
 """Factor on what hangs and on walls: most surfaces are roofs that stand."""
 LEFT = 0.7
 """Factor on a reading that leaves necks free, or hollows where water would stand."""
+SAG = 0.2
+"""Least sag between two high sides of a hanging roof, as a share of the height."""
+WALLS = 0.8
+"""Least form of a level and low edge that stands on walls around columns."""
 APART = 12.0
 """Largest distance between posts along a strip, metres."""
 BAY = 7.5
@@ -99,12 +103,13 @@ def distinct_readings(shape: Shape) -> list[Reading]:
 
 def _of_what_it_leaves(shape: Shape, reading: Reading) -> Reading:
     """Return the reading with less form if it leaves necks free, or hollows under a roof."""
-    free = len(shape.heads) * (reading.word != "loops") + len(shape.lugs) * (reading.word != "hung")
+    free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
     ponds = len(shape.inner_hollows) and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
     sideways = [edge for edge in shape.small if np.hypot(*(neck := shape.neck(edge))[:2]) > max(0.4, abs(neck[2]))]
-    left = LEFT if ponds or (free > 1 and reading.kind in ("roof", "hung")) else 1.0
-    return replace(reading, form=reading.form * left * (LEFT if len(sideways) > 1 else 1.0))
+    left = ponds or (free > 1 and reading.kind in ("roof", "hung"))
+    left = left or (reading.word == "loops" and _edge_form(shape) > WALLS) or (reading.word == "corners" and _masts(shape))
+    return replace(reading, form=reading.form * (LEFT if left else 1.0) * (LEFT if len(sideways) > 1 else 1.0))
 
 
 def _mean(values: Iterator[float] | Sequence[float]) -> float:
@@ -142,6 +147,37 @@ def _discs(shape: Shape, points: Floats) -> tuple[Place, ...]:
 def _column_heads(shape: Shape) -> Iterator[Reading]:
     form = DRAWN * (1 - shape.wall) * min(1, 2 * _mean([shape.neck(edge)[2] for edge in shape.heads]))
     yield Reading("loops", "roof", numbered("column", [_along(edge) for edge in shape.heads]), form)
+
+
+def _edge_form(shape: Shape) -> float:
+    """Return 1 for a level outer edge that is low in the sheet, as on walls."""
+    return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
+
+
+def _walls(shape: Shape) -> Iterator[Reading]:
+    """Yield walls below a level outer edge, with columns within."""
+    if shape.heads and (form := _edge_form(shape)) > WALLS:
+        places = (*_whole(shape, shape.outer, "wall"), *numbered("column", [_along(edge) for edge in shape.heads]))
+        yield Reading("walls", "roof", places, DRAWN * _roof(shape) * form)
+
+
+def _masts(shape: Shape) -> list[Edge]:
+    """Return small edges that a tent hangs from: the sheet falls from them to corners, between which it comes inwards."""
+    is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
+    return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
+
+
+def _tent(shape: Shape) -> Iterator[Reading]:
+    if masts := _masts(shape):
+        top = numbered("mast", [_along(edge) for edge in masts])
+        yield Reading("tent", "roof", (*top, *_tips(shape, "anchor")), DRAWN * _roof(shape))
+
+
+def _tips(shape: Shape, name: str) -> tuple[Place, ...]:
+    """Return short parts of the longest edge around its corners."""
+    edge = shape.edges[0]
+    n, half = len(edge.points), max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
+    return numbered(name, [_along(edge.part((k - half) % n, (k + half) % n)) for k in shape.corners])
 
 
 def _lugs(shape: Shape) -> Iterator[Reading]:
@@ -186,13 +222,27 @@ def _whole_edges(shape: Shape) -> Iterator[Reading]:
     yield Reading(word, "hung", _whole(shape, shape.outer, "upper rim"), USUAL * RARER * _roof(shape) * high)
 
 
+def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
+    return shape.sides[::2], shape.sides[1::2]
+
+
+def _hangs_between(shape: Shape, two: Sequence[Edge], other: Sequence[Edge]) -> bool:
+    """Return True if the sheet and its other two sides sag between two sides."""
+    if not two:
+        return False
+    low = min(float(side.z.min()) for side in two)
+    return low - SAG * shape.height > max(shape.middle[2], *(float(side.z.min()) for side in other))
+
+
 def _sides(shape: Shape) -> Iterator[Reading]:
     kind: Kind = "floor" if shape.is_deck else "roof"
     usual = DRAWN if shape.is_deck else USUAL * _roof(shape)
-    for word, two in (("ends", shape.sides[::2]), ("sides", shape.sides[1::2])):
-        low = [1.0 if shape.is_deck and word == "ends" else shape.lowness(side) for side in two]
+    for word, two, other in (("ends", *_pairs(shape)), ("sides", *_pairs(shape)[::-1])):
+        sags = shape.ratio <= STRIP and _hangs_between(shape, two, other)
+        low = [1.0 if sags or (shape.is_deck and word == "ends") else shape.lowness(side) for side in two]
         form = _mean([side.straight_levelness * share for side, share in zip(two, low, strict=True)])
-        yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), usual * form)
+        form *= DRAWN * _roof(shape) if sags else usual
+        yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), form)
     if shape.ratio > STRIP:
         apart = min(1.2 * min(end.length for end in shape.sides[::2]), APART)
         posts = [post for side in shape.sides[1::2] for post in side.posts(apart, shape.width / 25)]
@@ -207,10 +257,8 @@ def _corners(shape: Shape) -> Iterator[Reading]:
     valleys = _valleys(shape)
     ground = min((float(valley.z.min()) for valley, _ in valleys), default=-np.inf)
     if edge.z[corners].max() >= ground + 0.1 * shape.height:
-        half = max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
-        places = [_along(edge.part((k - half) % len(edge.points), (k + half) % len(edge.points))) for k in corners]
         form = DRAWN if is_scalloped(edge, corners) else ANYWHERE
-        yield Reading("corners", "roof", numbered("mast", places), form * _roof(shape))
+        yield Reading("corners", "roof", _tips(shape, "mast"), form * _roof(shape))
 
 
 def _columns(shape: Shape) -> Iterator[Reading]:
@@ -264,5 +312,5 @@ def soles(surface: Surface) -> tuple[Place, ...]:
 
 
 READINGS: tuple[Callable[[Shape], Iterator[Reading]], ...] = (
-    _column_heads, _lugs, _feet, _whole_edges, _sides, _corners, _columns, _base,
+    _column_heads, _walls, _lugs, _tent, _feet, _whole_edges, _sides, _corners, _columns, _base,
 )  # fmt: skip

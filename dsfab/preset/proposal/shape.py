@@ -275,10 +275,11 @@ class Shape:
     @cached_property
     def is_object(self) -> bool:
         """True for a sculpture: a closed surface, or a nearly closed one whose edges do not reach the ground."""
-        z = self.surface.V[:, 2]
-        lowest = min((float(edge.z.min()) for edge in self.edges), default=0.0)
-        raised = lowest > z.min() + RISE * self.height and max(edge.z.mean() for edge in self.edges) < self.middle[2]
-        return is_nearly_closed(self.surface) or (is_figure(self.surface) and raised)
+        if is_nearly_closed(self.surface):
+            return True
+        ground = self.surface.V[:, 2].min() + RISE * self.height
+        raised = all(edge.z.min() > ground and edge.z.mean() < self.middle[2] for edge in self.edges)
+        return is_figure(self.surface) and raised
 
     @cached_property
     def heads(self) -> list[Edge]:
@@ -297,8 +298,8 @@ class Shape:
 
     @cached_property
     def is_deck(self) -> bool:
-        """True for a strip that people can walk on: its slope is at most 25 degrees, and its ends are level."""
-        walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(25.0))
+        """True for a strip that people can walk on: hardly steeper than stairs (40 degrees), with level ends."""
+        walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
         return self.ratio > STRIP and share > 0.8 and min(end.straight_levelness for end in self.sides[::2]) > 0.97
 

@@ -1,0 +1,163 @@
+"""What holds a bare surface, its unit, its vertical axis and its loads: `tests.own_roofs` has what is meant."""
+
+import numpy as np
+import pytest
+
+from dsfab.app.cli import main
+from dsfab.core.errors import PresetError
+from dsfab.preset.proposal import Wishes, propose
+from dsfab.preset.proposal.judgement import choice, likely_units
+from dsfab.preset.proposal.shape import Shape
+from dsfab.surface import Boundary, Surface, upright_vertices
+from dsfab.surface.shapes import dome, sphere
+from tests.own_roofs import MEANT, TWELVE, cupola, pavilion, wall
+
+AXES = {"z": 1.0, "y": 0.7}
+QUICK = (
+    "platform roof", "spiral ramp", "hall on four columns", "ceiling", "oval ring", "cupola", "vault", "groin",
+    "pavilion on a slope", "sail", "hills", "umbrella", "slab", "wall", "tower", "footbridge",
+)  # fmt: skip
+RARE = ("short hanging roof", "walls and columns", "mast tent", "J-shelter")
+
+
+def is_as_meant(surface, meant, up="z"):
+    best = choice(surface, AXES, "m").best
+    return best.up == up and best.reading.kind == meant.kind and best.reading.word in meant.words.split()
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_holds_a_surface_is_what_its_architect_means(name):
+    assert is_as_meant(MEANT[name].surface, MEANT[name])
+
+
+@pytest.mark.parametrize("name", RARE)
+def test_what_holds_a_rare_surface_is_what_its_architect_means(name):
+    assert is_as_meant(TWELVE[name].surface, TWELVE[name])
+
+
+@pytest.mark.slow
+def test_of_all_surfaces_at_most_one_in_twenty_is_read_otherwise():
+    wrong = [name for name, meant in {**MEANT, **TWELVE}.items() if not is_as_meant(meant.surface, meant)]
+    assert len(wrong) <= 2, wrong
+
+
+def turned(surface):
+    c, s = np.cos(0.64), np.sin(0.64)
+    return Surface(surface.V @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]]), surface.F)
+
+
+def noisy(surface):
+    noise = np.random.default_rng(5).normal(0, 5e-4 * surface.size, surface.V.shape)
+    return Surface(surface.V + noise, surface.F)
+
+
+def lying(surface):
+    return Surface(upright_vertices(surface.V, "-y"), surface.F)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [turned, noisy, lying])
+def test_readings_do_not_depend_on_the_mesh_and_its_axes(change):
+    """At most one of 16 decisions changes; the vertical axis is found where another one is up."""
+    up = "y" if change is lying else "z"
+    wrong = [name for name in QUICK if not is_as_meant(change(MEANT[name].surface), MEANT[name], up)]
+    assert len(wrong) <= 1, wrong
+
+
+def test_supports_of_the_preset_are_the_places_of_the_reading():
+    """The mesh of the preset is another one, whose edges are shorter than those of the coarse shape."""
+    proposal = propose(MEANT["hall on four columns"].surface)
+    surface = proposal.preset.surface.build()
+    for support, place in zip(proposal.preset.surface.support, proposal.plan.stands, strict=True):
+        held = surface.V[support.at.vertices(surface)]
+        away = np.linalg.norm(held[:, None] - place.points[None], axis=2)
+        assert max(away.min(axis=0).max(), away.min(axis=1).max()) < 1.5 * surface.mean_edge
+
+
+def test_the_user_names_what_holds_a_surface():
+    surface = MEANT["groin"].surface
+    assert [place.name for place in propose(surface, wishes=Wishes("edge")).plan.stands] == ["base ring"]
+    low = propose(surface, wishes=Wishes("0.5", built_in=True))
+    assert len(low.plan.stands) == 4
+    assert max(place.points[:, 2].max() for place in low.plan.stands) <= surface.V[:, 2].min() + 0.5
+    assert all(support.clamp for support in low.preset.surface.support)
+    with pytest.raises(PresetError, match="--stand loops: the surface has no such place; use feet, "):
+        propose(surface, wishes=Wishes("loops"))
+
+
+def test_a_sheet_that_nothing_plausible_holds_is_refused():
+    """A needle of 40 m: all that its shape shows is refuted by the statics."""
+    flat = MEANT["slab"].surface
+    with pytest.raises(PresetError, match="no way to hold the surface is plausible; tried"):
+        propose(Surface(flat.V * [40, 0.05, 1], flat.F))
+
+
+def test_a_close_runner_up_is_a_question_with_its_option():
+    proposal = propose(MEANT["small ring"].surface)
+    words = [each.reading.word for each in proposal.given.choice.rivals]
+    assert [f"--stand {word}" in question for word, question in zip(words, proposal.questions, strict=True)]
+    assert not propose(MEANT["groin"].surface).questions
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("mm", 0.001), ("cm", 0.01), ("ft", 0.3048)])
+def test_the_unit_makes_a_plausible_building(tmp_path, unit, metres):
+    """A shell of 14 m; in feet (46 of them) it may also be one of 46 m, which is a question."""
+    surface = pavilion(4, 7, 3.6).surface
+    lines = [f"v {x / metres:.9g} {y / metres:.9g} {z / metres:.9g}" for x, y, z in surface.V]
+    path = tmp_path / "shell.obj"
+    path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in surface.F + 1]))
+    proposal = propose(path)
+    chosen = proposal.given.choice
+    assert unit in (chosen.unit, chosen.rival_unit)
+    assert (unit == "ft") == any("--unit" in question for question in proposal.questions)
+    path.write_text("# units: ft\n" + path.read_text())
+    declared = propose(path)
+    assert (declared.given.keys["unit"], declared.given.choice.units) == ("ft", ())
+
+
+def test_headroom_speaks_against_a_building_that_is_too_low():
+    tall, low = ({unit: share for unit, share in likely_units(Shape(each))} for each in (
+        Surface(MEANT["wall"].surface.V, MEANT["wall"].surface.F),
+        Surface(MEANT["wall"].surface.V * 0.3, MEANT["wall"].surface.F),
+    ))
+    assert tall["m"] > 0.9
+    assert low["m"] < tall["m"]
+
+
+def test_loads_follow_the_kind_of_surface():
+    kinds = {name: list(propose(MEANT[name].surface).plan.loads) for name in ("groin", "slab", "ceiling", "tower")}
+    assert kinds == {"groin": ["snow"], "slab": ["people"], "ceiling": ["services"], "tower": ["wind"]}
+    assert not propose(sphere(edge=0.4)).plan.loads
+
+
+def test_a_printed_model_has_no_snow():
+    small = propose(Surface(cupola(9, 4.5).surface.V / 10, cupola(9, 4.5).surface.F))
+    assert (small.plan.size.material, dict(small.plan.loads)) == ("PLA", {})
+    assert propose(cupola(9, 4.5).surface).plan.size.material == "GL24h"
+
+
+def test_the_user_names_loads_with_their_values():
+    proposal = propose(dome(edge=0.8), wishes=Wishes(loads=("snow=1.2", "wind")))
+    assert dict(proposal.plan.loads) == {"snow": 1200.0, "wind": 500.0}
+    assert {load.case for load in proposal.preset.surface.load} == {"load", "wind", "wind_back"}
+    assert not propose(dome(edge=0.8), wishes=Wishes(loads=("none",))).plan.loads
+    for text in ("hail", "snow=much", "snow=-1"):
+        with pytest.raises(PresetError, match=f"--load {text} is not known"):
+            propose(dome(edge=0.8), wishes=Wishes(loads=(text,)))
+
+
+def test_a_part_of_an_edge_survives_another_mesh():
+    """From one corner of a wall past its middle to the other: its base, and not its top."""
+    surface = wall(10, 4, 0.4, door=False).surface
+    picker = Boundary(points=((0.0, 0.0, 0.0), (5.0, 0.0, 0.0), (10.0, 0.0, 0.0)))
+    held = surface.V[picker.vertices(surface)]
+    assert held[:, 2].max() < 1e-9
+    assert np.ptp(held[:, 0]) == pytest.approx(10)
+    assert Boundary(points=((5.0, 0.0, 0.0),)).vertices(surface).sum() == len(surface.loops[0])
+    with pytest.raises(ValueError, match="one for a whole loop, three for a part"):
+        Boundary(points=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+
+
+def test_options_for_a_mesh_are_refused_for_a_preset(capsys):
+    assert main(["build", "dome", "--stand", "feet"]) == 1
+    assert "are for a mesh" in capsys.readouterr().err
