@@ -165,14 +165,14 @@ def uncrowded_candidate(
     """Return the best of a candidate with drawn stripes and of the patterns of `uncrowded_changes`, if openings form a
     plate in its trial cut, else the candidate. Candidates are compared as built, by `Attempt.rank`.
     draw : returns the stripes of a preset, without widths."""
-    surface, options, drawn = analysis.surface, candidate.preset.pattern, candidate.drawn
-    trial = drawn and (drawn.trial or trial_cut(candidate.preset, surface, drawn))
+    surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
+    trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
     cells = trial and (trial.cells, trial.latest.cells)
-    plate = drawn and cells and filled_plate(options, surface, analysis.load, drawn, cells)
-    if not (drawn and plate):
+    plate = pattern and cells and filled_plate(options, surface, analysis.load, pattern, cells)
+    if not (pattern and plate):
         return candidate
     candidates = [candidate_as_built(candidate, analysis)]
-    draft = DesignDraft(candidate.preset, surface, analysis.statics, analysis.diffusion, drawn)
+    draft = DesignDraft(candidate.preset, surface, analysis.statics, analysis.diffusion, pattern)
     for changes in uncrowded_changes(draft, plate):
         words = ", ".join(f"pattern.{key} = {value!r}" for key, value in changes.items())
         progress("pattern", f"openings form a plate: trying {words}")
@@ -181,13 +181,13 @@ def uncrowded_candidate(
             candidates.append(candidate_as_built(replace(draw(preset), attempt=Attempt(words)), analysis))
         except DsfabError as error:
             candidates.append(MethodCandidate(preset, Attempt(words, refused=str(error))))
-    best = min(candidates, key=lambda one: one.attempt.rank)
-    listed = "; ".join(_attempt_description(one.attempt) for one in candidates)
-    outcome = f"dsfab took {best.attempt.name} instead"
-    if best is candidates[0]:
-        best, outcome = candidate, "no other pattern is better"
-    text = f"{plate.message}: {outcome}; compliance over that of the uncut sheet: {listed}"
-    return replace(best, preset=best.preset.with_pattern(crowding="note"), notes=(*best.notes, Note("pattern", text)))
+    selected = min(candidates, key=lambda candidate: candidate.attempt.rank)
+    listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
+    outcome = f"dsfab took {selected.attempt.name} instead"
+    if selected is candidates[0]:
+        selected, outcome = candidate, "no other pattern is better"
+    note = Note("pattern", f"{plate.message}: {outcome}; compliance over that of the uncut sheet: {listed}")
+    return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
 
 NEARBY = 2.0

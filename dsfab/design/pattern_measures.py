@@ -174,12 +174,12 @@ def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
     """Return a sentence for a pattern that draws hoops or purlins without the arches that they hold, or ''."""
-    drawn, other = sorted(roles, key=lambda role: role.key != families)
-    if families == "both" or other.shape != "arches":
+    drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
+    if families == "both" or omitted_role.shape != "arches":
         return ""
     return (
-        f"pattern.families = '{families}' draws only the {drawn.title}, without the {other.title} that carry the loads "
-        f"to the supports: set pattern.families = '{other.key}' or 'both'"
+        f"pattern.families = '{families}' draws only the {drawn_role.title}, without the {omitted_role.title} that "
+        f"carry the loads to the supports: set pattern.families = '{omitted_role.key}' or 'both'"
     )
 
 

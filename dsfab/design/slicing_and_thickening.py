@@ -91,7 +91,7 @@ def filled_plate(
     cells : all cells before and after finishing."""
     spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
     fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
-    filling = max(filter(None, fillings), key=lambda one: one.openings, default=None)
+    filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
     if not filling or filling.openings < FILLED_PLATE:
         return None
     for loop in small_loops(surface, load.supported, min(spacings)):

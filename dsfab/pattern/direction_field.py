@@ -218,8 +218,7 @@ def family_roles(surface: Surface, directions: StressDirections) -> tuple[Family
         risen = 1 if share > 0.5 else 0
         if max(share, 1 - share) > CLEAR_SHARE and pulled[risen] < 0.5:
             shapes[risen], shapes[1 - risen] = "arches", "purlins" if is_straight else "hoops"
-    major, minor = (FamilyRole(*x) for x in zip(("major", "minor"), shapes, pulled.tolist(), strict=True))
-    return major, minor
+    return FamilyRole("major", shapes[0], float(pulled[0])), FamilyRole("minor", shapes[1], float(pulled[1]))
 
 
 def cross_field(
