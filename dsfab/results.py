@@ -166,7 +166,8 @@ class Attempt(NamedTuple):
     over_uncut : compliance divided by that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     dead_ends, slits : numbers of members that end freely, and of narrow openings; see `PatternQuality`.
-    refused    : reason to refuse the trial, or ''."""
+    refused    : reason to refuse the trial, or ''.
+    plate      : number of filled openings that form a plate; 0 without pattern.crowding = "avoid"."""
 
     name: str
     compliance: float = float("inf")
@@ -175,13 +176,14 @@ class Attempt(NamedTuple):
     dead_ends: int = 0
     slits: int = 0
     refused: str = ""
+    plate: int = 0
 
     @property
-    def rank(self) -> tuple[bool, bool, bool, float]:
-        """Sort key, the best attempt first: by carried loads, no dead ends, no slits, then stiffness.
+    def rank(self) -> tuple[bool, bool, bool, bool, float]:
+        """Sort key, the best attempt first: by carried loads, no dead ends, no plate, no slits, then stiffness.
         Stiffness counts per share of material, with three digits: rounding must not decide between mirror images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
-        return bool(self.refused), self.dead_ends > 0, self.slits > 0, soft
+        return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
@@ -249,14 +251,32 @@ class Piece(NamedTuple):
     loaded: bool
 
 
+class FilledOpenings(NamedTuple):
+    """A group of neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
+
+    openings: int
+    place: Floats
+
+    @property
+    def message(self) -> str:
+        """A sentence on openings that form a plate."""
+        x, y, z = (np.round(self.place, 2) + 0.0).tolist()
+        return (
+            f"{self.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "
+            "together, and form a plate with a ragged edge"
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended pinches."""
+    """Stage 5: all cells, the remaining sheet, its pieces (largest first), and the number of mended pinches.
+    plate : filled openings that form a plate with a ragged edge, or None."""
 
     cells: Sheet
     sheet: Sheet
     pieces: tuple[Piece, ...]
     pinches: int
+    plate: FilledOpenings | None = None
 
 
 class Note(NamedTuple):

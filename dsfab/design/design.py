@@ -75,7 +75,7 @@ class Design:
         before = STAGES[: STAGES.index(stage)]
         design = cls(preset, earlier._log.of_stages(before, progress), earlier._results.of_stages(before))
         if stage == "pattern" and earlier.has("pattern") and (even := earlier.pattern.even):
-            stripes = EarlierStripes(earlier.preset.pattern, even, earlier.seconds.get("stripes", 0.0))
+            stripes = EarlierStripes(earlier.resolved_preset.pattern, even, earlier.seconds.get("stripes", 0.0))
             design._results.input_of("pattern", "earlier stripes", lambda: stripes)
         return design
 

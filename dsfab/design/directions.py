@@ -1,6 +1,6 @@
 """Stage 3: diffusion tensors, modes and directions of the stripes, and changes of directions by the user."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from dsfab.diffusion import (
     reference_axes,
     symmetry_of,
 )
-from dsfab.pattern import Frames, Guidance, StressDirections
+from dsfab.pattern import Frames, Guidance, LoopSurroundings, StressDirections
 from dsfab.preset.model import Pattern, Preset
 from dsfab.results import DiffusionResult, StaticsResult, StripeSteering
 from dsfab.surface import LoadCase, Surface, generated_group
@@ -103,12 +103,18 @@ def _unclear_direction_message(share: float, labelling: Labelling) -> str:
 @dataclass(frozen=True, eq=False)
 class Steering:
     """Changes of stripe directions by the user: rotation from the stress (radians), and guides; also the symmetry that
-    the changed directions still have, and a note for the user, or ''."""
+    the changed directions still have, and a note for the user, or ''. loops : small supported loops."""
 
     turn: float
     guidance: tuple[Guidance, ...]
     symmetry: Symmetry | None
     told: str = ""
+    loops: tuple[LoopSurroundings, ...] = ()
+
+    def with_loops(self, frames: Frames, stress: StressDirections) -> "Steering":
+        """Return the steering with a guide around each small supported loop under a stress."""
+        around = (loop.guidance(frames, stress, self.turn) for loop in self.loops)
+        return replace(self, guidance=(*self.guidance, *around), loops=())
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
         """Return the clarity of the directions (m,), 0 to 1, from that of the stress (m,) and from the guides."""

@@ -1,6 +1,6 @@
 """Evenly spaced stripes: their directions, densities and phases, and lines that end in crowded places."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Self
@@ -84,22 +84,13 @@ class StripeDirections:
         sigma = followed_stress(preset, surface, statics)
         stress = StressDirections(*principal_stresses(surface, symmetry.mean_stress(sigma) if symmetry else sigma))
         frames = Frames.for_surface(surface)
-        steer = steering(preset.pattern, frames, symmetry, min(spacings))
+        loops = LoopSurroundings.from_support(frames, statics.load.supported, min(spacings))
+        steer = replace(steering(preset.pattern, frames, symmetry, min(spacings)), loops=loops)
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.identity(surface.n)
         length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow shorter changes
-        loops = LoopSurroundings.from_support(frames, statics.load.supported, min(spacings))
-
-        def steered_by(stress: StressDirections) -> Steering:
-            return replace(steer, guidance=(*steer.guidance, *(x.guidance(frames, stress, steer.turn) for x in loops)))
-
-        def smooth(stress: StressDirections, length: float) -> Floats:
-            return images.directions(
-                frames, cross_field(frames, stress, length, steer.turn, steered_by(stress).guidance)
-            )
-
-        along, over = _directions(preset.pattern, frames, stress, smooth, images, length)
-        steer = steered_by(stress)
+        along, over = _directions(preset.pattern, frames, stress, steer, images, length)
+        steer = steer.with_loops(frames, stress)
         confidence = steer.confidence(surface, stress.confidence(surface.areas))
         along = signs_with_short_seams(frames, along)[:, None] * along
         is_steered = bool(steer.turn or steer.guidance or over.any())
@@ -143,19 +134,18 @@ def _member_message(line: GuideLine, share: float, across: bool) -> str:
 
 
 def _directions(
-    options: Pattern,
-    frames: Frames,
-    stress: StressDirections,
-    smooth: Callable[[StressDirections, float], Floats],
-    images: Images,
-    length: float,
+    options: Pattern, frames: Frames, stress: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
     """Return directions (n, 3) of the major stripes, smoothed over `length` (m), and vertices (n,) with exchanged
-    families. smooth : returns directions (n, 3) along a stress, smoothed over a length (m).
+    families.
 
     At these vertices the major stripes of the neighbouring region continue as minor stripes.
     At a crossing the two principal stresses are equal, and the direction of the larger one turns by a right angle. The
     search for crossings precedes smoothing, because smoothing across them would produce singular points."""
+
+    def smooth(stress: StressDirections, length: float) -> Floats:
+        guidance = steer.with_loops(frames, stress).guidance
+        return images.directions(frames, cross_field(frames, stress, length, steer.turn, guidance))
 
     crossed = np.zeros(frames.surface.n, dtype=bool)
     if not options.is_steered:

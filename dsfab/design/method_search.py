@@ -1,18 +1,22 @@
 """Search for a pattern method: modes or even stripes with width rules, forces and spacings, cut and compared."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import DsfabError, PatternError
 from dsfab.design.even_stripes import even_stripes, follows_membrane
-from dsfab.design.log import Log
+from dsfab.design.finishing import trial_cut
+from dsfab.design.log import Log, Progress
 from dsfab.design.mode_search import Trial, choice_step, stressed_choice, stressed_step
-from dsfab.design.pattern_measures import DesignDraft, measured_pattern
-from dsfab.design.slicing_and_thickening import slicing_step
+from dsfab.design.pattern_measures import DesignDraft, measured_pattern, roles_of_families
+from dsfab.design.slicing_and_thickening import filled_plate, slicing_step
 from dsfab.design.stripe_pattern import pattern_step
+from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Family, Preset, Slicing, Width
-from dsfab.results import Attempt, Choice, EvenStripes, Note, PatternResult, StressedSurface
+from dsfab.results import Attempt, Choice, EvenStripes, FilledOpenings, Note, PatternResult, StressedSurface
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
@@ -142,14 +146,69 @@ def candidate_as_built(candidate: MethodCandidate, analysis: StressedSurface) ->
     preset = candidate.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, analysis, candidate.even), Log(None)
     try:
-        pattern = pattern_step(preset, analysis, log, candidate.choice, candidate.grading, candidate.even)
+        options = candidate.choice, candidate.grading, candidate.even
+        pattern = candidate.drawn or pattern_step(preset, analysis, log, *options)
         sliced = slicing_step(preset, analysis.surface, analysis.statics, pattern, Log(None))
         compliance = trial.compliance(sliced.sheet.surface, trial.loads_on(sliced.sheet))
     except DsfabError as error:
         return replace(candidate, attempt=Attempt(candidate.attempt.name, refused=str(error)), sheet=None)
     worth = compliance, compliance / trial.uncut, sliced.sheet.surface.area / analysis.surface.area
     measured = _with_quality(candidate, analysis, worth, pattern, sliced.cells, sliced.sheet)
+    if sliced.plate and preset.pattern.crowding == "avoid":
+        measured = replace(measured, attempt=measured.attempt._replace(plate=sliced.plate.openings))
     return replace(measured, notes=(*candidate.notes, *log.notes), drawn=replace(pattern, trial=None))
+
+
+def uncrowded_candidate(
+    candidate: MethodCandidate, analysis: StressedSurface, draw: Callable[[Preset], MethodCandidate], progress: Progress
+) -> MethodCandidate:
+    """Return the best of a candidate with drawn stripes and of the patterns of `uncrowded_changes`, if openings form a
+    plate in its trial cut, else the candidate. Candidates are compared as built, by `Attempt.rank`.
+    draw : returns the stripes of a preset, without widths."""
+    surface, options, pattern = analysis.surface, candidate.preset.pattern, candidate.drawn
+    trial = pattern and (pattern.trial or trial_cut(candidate.preset, surface, pattern))
+    cells = trial and (trial.cells, trial.latest.cells)
+    plate = pattern and cells and filled_plate(options, surface, analysis.load, pattern, cells)
+    if not (pattern and plate):
+        return candidate
+    candidates = [candidate_as_built(candidate, analysis)]
+    draft = DesignDraft(candidate.preset, surface, analysis.statics, analysis.diffusion, pattern)
+    for changes in uncrowded_changes(draft, plate):
+        words = ", ".join(f"pattern.{key} = {value!r}" for key, value in changes.items())
+        progress("pattern", f"openings form a plate: trying {words}")
+        preset = with_overrides(candidate.preset, {f"pattern.{key}": value for key, value in changes.items()})
+        try:
+            candidates.append(candidate_as_built(replace(draw(preset), attempt=Attempt(words)), analysis))
+        except DsfabError as error:
+            candidates.append(MethodCandidate(preset, Attempt(words, refused=str(error))))
+    selected = min(candidates, key=lambda candidate: candidate.attempt.rank)
+    listed = "; ".join(_attempt_description(candidate.attempt) for candidate in candidates)
+    outcome = f"dsfab took {selected.attempt.name} instead"
+    if selected is candidates[0]:
+        selected, outcome = candidate, "no other pattern is better"
+    note = Note("pattern", f"{plate.message}: {outcome}; compliance over that of the uncut sheet: {listed}")
+    return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
+
+
+NEARBY = 2.0
+"""Largest distance, over the spacing, from filled openings to a support or load whose `keep` may cover them."""
+
+
+def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
+    """Yield up to four changes of [pattern] that may avoid a plate of filled openings: a larger `keep` if a support or
+    load is `NEARBY`, a larger spacing, both families or that of arches alone, and a rotation."""
+    options, surface, load = design.preset.pattern, design.surface, design.statics.load
+    spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
+    distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
+    if distance < NEARBY * max(spacings.values()):
+        radius = max(spacings.values()) * np.sqrt(plate.openings / np.pi)
+        yield {"keep": float(f"{max(options.keep, distance) + radius:.2g}")}
+    yield {f"{name}.spacing": float(f"{SPACINGS[1] * spacing:.2g}") for name, spacing in spacings.items()}
+    arches = [role.key for role in roles_of_families(design) if role.shape == "arches"]
+    if options.families != "both" or (options.rim and arches):
+        yield {"families": arches[0] if options.families == "both" else "both"}
+    if not options.is_steered:
+        yield {"rotate": 45.0}
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
@@ -297,6 +356,6 @@ def _accurate_softness(candidate: MethodCandidate, analysis: StressedSurface) ->
 def _attempt_description(attempt: Attempt) -> str:
     if attempt.refused:
         return f"{attempt.name} refused"
-    counted = {"dead end": attempt.dead_ends, "slit": attempt.slits}
+    counted = {"dead end": attempt.dead_ends, "slit": attempt.slits, "filled opening": attempt.plate}
     flaws = " and ".join(f"{count} {what}{'s' if count > 1 else ''}" for what, count in counted.items() if count)
     return f"{attempt.name} {attempt.over_uncut:.3g} x{f' with {flaws}' if flaws else ''}"

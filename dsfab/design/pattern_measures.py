@@ -13,9 +13,10 @@ from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.design.directions import followed_stress
 from dsfab.diffusion import Symmetry, principal_stresses, symmetry_of
-from dsfab.pattern import FamilyRole, StressDirections, family_roles
-from dsfab.preset.model import FAMILIES, Preset
-from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StaticsResult
+from dsfab.pattern import FamilyRole, Layer, StressDirections, family_roles, material_points
+from dsfab.pattern.widths import SOLID
+from dsfab.preset.model import FAMILIES, Pattern, Preset
+from dsfab.results import DiffusionResult, FilledOpenings, PatternResult, StaticsResult
 from dsfab.slicing import Chart, Sheet, openings_of
 from dsfab.slicing.measures.chart import StripeChart
 from dsfab.slicing.measures.pattern_quality import Arms, DeadEnds, FamilyQuality, PatternQuality, arms, pattern_quality
@@ -61,20 +62,18 @@ def measured_pattern(
     sheet    : the part of the cells that remains; all material by default."""
     chart = pattern_chart(design)
     stripes = pattern_on_chart(design.surface, chart, design.pattern)
-    even = design.pattern.even
-    followed = followed_directions(design.preset, design.surface, design.statics, even)
+    followed = followed_directions(design)
     try:
         confidence = followed.confidence(design.surface.areas)
     except PatternError:  # the surface has no stress
         confidence = np.zeros(design.surface.m)
     parent = chart.parent
-    steered = even.steered if even else None
+    steered = design.pattern.even.steered if design.pattern.even else None
     guided = steered.guided[parent] > 0.1 if steered else None  # weaker guides are ignored
     columns = followed.stress[parent], followed.direction[parent], confidence[parent]
     quality = pattern_quality(stripes, *columns, guided=guided)
-    titles = roles_of_families(design.preset, design.surface, followed)
-    turned = design.preset.pattern.rotate if steered else 0.0
-    quality = replace(quality, turned=turned, titles=(titles[0].title, titles[1].title))
+    major, minor = (role.title for role in roles_of_families(design))
+    quality = replace(quality, turned=design.preset.pattern.rotate if steered else 0.0, titles=(major, minor))
     if cells is not None and design.pattern.tidy:
         quality = _sheet_quality(design, cells, (sheet or cells.subset()).surface, stripes, quality)
     group = used_symmetry(design) if symmetry else None
@@ -147,42 +146,40 @@ def pattern_on_chart(surface: Surface, chart: Chart, pattern: PatternResult) -> 
     return StripeChart.from_chart(chart, d, np.maximum(kept_height, -surface.size))
 
 
-def followed_directions(
-    preset: Preset, surface: Surface, statics: StaticsResult, even: EvenStripes | None
-) -> StressDirections:
-    """Return the stresses along both families, and the directions that their stripes follow.
-    If the user turns stripes off the stress, the stresses have no sign."""
-    stress, direction = principal_stresses(surface, followed_stress(preset, surface, statics))
-    if even is None and preset.diffusion.labelling == "magnitude":
+def followed_directions(design: PatternedDesign) -> StressDirections:
+    """Return the stresses along both families and their directions; without signs if the user turns the stripes."""
+    preset = design.preset
+    stress, direction = principal_stresses(design.surface, followed_stress(preset, design.surface, design.statics))
+    if design.pattern.even is None and preset.diffusion.labelling == "magnitude":
         swap = np.abs(stress[:, 1]) > np.abs(stress[:, 0])
         stress[swap], direction[swap] = stress[swap, ::-1], direction[swap, ::-1]
-    if even is not None and even.steered:
-        over = even.steered.over
+    if design.pattern.even is not None and design.pattern.even.steered:
+        over = design.pattern.even.steered.over
         stress[over], direction[over] = stress[over, ::-1], direction[over, ::-1]
-    if even is not None and preset.pattern.rotate:
+    if design.pattern.even is not None and preset.pattern.rotate:
         a = np.radians(preset.pattern.rotate)
-        square = np.cross(surface.normals[:, None], direction)
+        square = np.cross(design.surface.normals[:, None], direction)
         direction = np.cos(a) * direction + np.sin(a) * square
         stress = np.cos(a) ** 2 * np.abs(stress) + np.sin(a) ** 2 * np.abs(stress[:, ::-1])
     return StressDirections(stress, direction)
 
 
-def roles_of_families(preset: Preset, surface: Surface, followed: StressDirections) -> tuple[FamilyRole, FamilyRole]:
+def roles_of_families(design: PatternedDesign) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family; unknown if the user turns stripes off the stress, or if the
     stress belongs to several load cases."""
-    if preset.pattern.rotate or preset.combines:
+    if design.preset.pattern.rotate or design.preset.combines:
         return FamilyRole("major"), FamilyRole("minor")
-    return family_roles(surface, followed)
+    return family_roles(design.surface, followed_directions(design))
 
 
 def one_family_message(roles: tuple[FamilyRole, FamilyRole], families: str) -> str:
     """Return a sentence for a pattern that draws hoops or purlins without the arches that they hold, or ''."""
-    drawn, other = sorted(roles, key=lambda role: role.key != families)
-    if families == "both" or other.shape != "arches":
+    drawn_role, omitted_role = sorted(roles, key=lambda role: role.key != families)
+    if families == "both" or omitted_role.shape != "arches":
         return ""
     return (
-        f"pattern.families = '{families}' draws only the {drawn.title}, without the {other.title} that carry the loads "
-        f"to the supports: set pattern.families = '{other.key}' or 'both'"
+        f"pattern.families = '{families}' draws only the {drawn_role.title}, without the {omitted_role.title} that "
+        f"carry the loads to the supports: set pattern.families = '{omitted_role.key}' or 'both'"
     )
 
 
@@ -239,13 +236,6 @@ def _is_material(stripes: StripeChart, points: Floats) -> Bools:
     return stripes.inside(0, face, weights) | stripes.inside(1, face, weights) | stripes.is_kept(face, weights)
 
 
-class FilledOpenings(NamedTuple):
-    """A group of neighbouring filled openings: their number, and the centre (3,) of their area, metres."""
-
-    openings: int
-    place: Floats
-
-
 def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> FilledOpenings | None:
     """Return the largest group of filled openings with at most `apart` metres between neighbours; None without any.
     samples : an opening counts as filled if this number of its largest cells is filled."""
@@ -266,3 +256,22 @@ def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3)
     largest_group = group == np.bincount(group).argmax()
     area = np.bincount(openings.label, openings.void.surface.areas, openings.count)[filled[largest_group]]
     return FilledOpenings(int(largest_group.sum()), area @ places[largest_group] / area.sum())
+
+
+def merged_members(options: Pattern, surface: Surface, pattern: PatternResult) -> FilledOpenings | None:
+    """Return the largest plate in which members of a single family touch outside kept regions, or None. Its number of
+    openings is its area over the square of the spacing: no opening exists there."""
+    if options.families == "both":
+        return None  # openings between two families close as a whole, so that the plate ends on members
+    touch = pattern.half_width(options.families) >= SOLID
+    layers = map(Layer, pattern.names, pattern.fields, pattern.levels, pattern.half_widths)
+    kept_layers = [layer for layer in layers if layer.name not in FAMILIES]
+    is_kept = material_points(surface, kept_layers, np.full((1, 3), 1 / 3))[:, 0]
+    faces = np.flatnonzero(touch[surface.F].all(axis=1) & ~is_kept)
+    if not len(faces):
+        return None
+    i, j = surface.edges.ends[touch[surface.edges.ends].all(axis=1)].T
+    label = link_components(surface.n, i, j)[1][surface.F[faces, 0]]
+    plate = faces[label == np.bincount(label, surface.areas[faces]).argmax()]
+    area, spacing = surface.areas[plate], options.drawn_families[0].distance(surface.area, surface.mean_edge)
+    return FilledOpenings(int(area.sum() / spacing**2), area @ surface.centroids[plate] / area.sum())

@@ -1,6 +1,7 @@
 """Stage 4: the pattern of a preset, with rounds in which the weight of the sheet depends on the stripes."""
 
 from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -11,9 +12,9 @@ from dsfab.core.sparse import release_freed_memory
 from dsfab.design.directions import followed_stress
 from dsfab.design.even_stripes import even_stripes, same_stripes
 from dsfab.design.log import Log
-from dsfab.design.method_search import MethodCandidate, method_step
+from dsfab.design.method_search import MethodCandidate, method_step, uncrowded_candidate
 from dsfab.design.mode_search import choice_step, stressed_step
-from dsfab.design.pattern_measures import followed_directions, one_family_message, roles_of_families
+from dsfab.design.pattern_measures import DesignDraft, one_family_message, roles_of_families
 from dsfab.design.regions_and_loads import Loading, loadings, one_sided_message
 from dsfab.design.stripe_pattern import SHARE_SNAP, pattern_step, sketched_step
 from dsfab.design.surface_and_statics import statics_step
@@ -143,10 +144,6 @@ def chosen_method(
         message := one_sided_message(analysis.surface, preset.pattern.region, candidate.even.symmetry)
     ):
         log.note("pattern", message)
-    followed = followed_directions(preset, analysis.surface, analysis.statics, candidate.even)
-    roles = roles_of_families(preset, analysis.surface, followed)
-    if message := one_family_message(roles, preset.pattern.families):
-        log.note("pattern", message)
     if candidate.even:
         for message in _idle_frequencies(preset.pattern, analysis.surface):
             log.note("pattern", message)
@@ -155,11 +152,20 @@ def chosen_method(
 
 def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: ChosenMethod) -> PatternResult:
     """Return the stripes by the chosen method; the timing row `method` includes stripes that a search drew."""
-    candidate = chosen.way
+    candidate, before = chosen.way, len(log.notes)
     log.seconds.setdefault("pattern", 0.0)
     pattern = candidate.drawn or pattern_step(
         candidate.preset, analysis, log, candidate.choice, candidate.grading, candidate.even
     )
+    if candidate.preset.pattern.crowding == "avoid" and candidate.even:
+        draw = partial(_requested_method, analysis=analysis, log=Log(None), earlier=None)
+        candidate = replace(candidate, drawn=pattern, notes=tuple(log.notes[before:]))
+        with log.row("method"):
+            candidate = uncrowded_candidate(candidate, analysis, draw, log.progress or (lambda *_: None))
+        pattern, log.notes[before:] = candidate.drawn or pattern, candidate.notes
+    draft = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
+    if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):
+        log.note("pattern", message)
     resolved_options = None if candidate.preset is preset else candidate.preset.pattern
     release_freed_memory(4e3 * analysis.surface.m)  # bytes that the drawing of stripes cannot reuse
     return replace(pattern, asked=resolved_options, attempts=chosen.attempts)

@@ -10,10 +10,11 @@ from dsfab.core.errors import PatternError, SolidError
 from dsfab.core.messages import force, length
 from dsfab.design.finishing import finishing_options, least_widths_message, places_phrase
 from dsfab.design.log import Log
-from dsfab.design.pattern_measures import largest_filling
+from dsfab.design.pattern_measures import largest_filling, merged_members
 from dsfab.design.sheet_loads import LOST_LOAD_REMEDY, held_vertices, lost_load
+from dsfab.pattern import small_loops
 from dsfab.preset.model import Pattern, Preset
-from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
+from dsfab.results import FilledOpenings, PatternResult, Piece, SlicingResult, StaticsResult
 from dsfab.slicing import Sheet
 from dsfab.slicing.finishing.finish import FinishedSheet, FinishingOptions, finish, tidied_sheet
 from dsfab.slicing.measures.widths import kept_cells
@@ -52,11 +53,12 @@ def slicing_step(
     _note_slicing(preset, sheet, all_pieces, statics.load, finished.counts["pinches"], lost_loads, log)
     _note_loads(preset, surface, sheet, statics, log)
     _note_finishing(preset, finished, finishing, cut_cells.stubs, log)
-    if finished.counts["filled"] + finished.counts["merged"] >= FILLED_PLATE:
-        _note_filled_plate(preset.pattern, surface, cut_cells, finished.unwidened or cells, log)
+    plate = filled_plate(preset.pattern, surface, statics.load, pattern, (cut_cells, finished.unwidened or cells))
+    if plate:
+        log.note("slicing", f"{plate.message}; another pattern.keep, spacing or pattern.rotate may avoid it")
     if finished.shape:
         log.note("slicing", finished.shape)
-    return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"])
+    return SlicingResult(cells, sheet, kept_pieces, finished.counts["pinches"], plate)
 
 
 def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingOptions, stubs: int, log: Log) -> None:
@@ -82,17 +84,21 @@ def _note_finishing(preset: Preset, finished: FinishedSheet, options: FinishingO
         log.note("slicing", _fillet_message(radius, finished.radii))
 
 
-def _note_filled_plate(options: Pattern, surface: Surface, cut_cells: Sheet, finished: Sheet, log: Log) -> None:
-    spacing = max(family.distance(surface.area, surface.mean_edge) for family in options.drawn_families)
-    filling = largest_filling(cut_cells, finished, spacing)
-    if filling and filling.openings >= FILLED_PLATE:
-        x, y, z = (np.round(filling.place, 2) + 0.0).tolist()
-        log.note(
-            "slicing",
-            f"{filling.openings} filled openings lie side by side around ({x:g}, {y:g}, {z:g}) m, where stripes come "
-            "together, and form a plate with a ragged edge; another pattern.keep, spacing or pattern.rotate may "
-            "avoid the plate",
-        )
+def filled_plate(
+    options: Pattern, surface: Surface, load: LoadCase, pattern: PatternResult, cells: tuple[Sheet, Sheet]
+) -> FilledOpenings | None:
+    """Return the largest group of filled openings if it forms a plate; None for a ring around a small supported loop.
+    cells : all cells before and after finishing."""
+    spacings = [family.distance(surface.area, surface.mean_edge) for family in options.drawn_families]
+    fillings = merged_members(options, surface, pattern), largest_filling(*cells, max(spacings))
+    filling = max(filter(None, fillings), key=lambda group: group.openings, default=None)
+    if not filling or filling.openings < FILLED_PLATE:
+        return None
+    for loop in small_loops(surface, load.supported, min(spacings)):
+        centre = surface.V[loop].mean(axis=0)
+        if np.linalg.norm(filling.place - centre) < np.linalg.norm(surface.V[loop] - centre, axis=1).max():
+            return None
+    return filling
 
 
 def _slits(count: int) -> str:

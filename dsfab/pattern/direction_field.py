@@ -185,7 +185,6 @@ CLEAR_SHARE = 0.75
 
 class FamilyRole(NamedTuple):
     """The part of a family of stripes in carrying the loads.
-
     key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
     pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if it is unknown."""
 
@@ -198,8 +197,8 @@ class FamilyRole(NamedTuple):
         """Name of the members in words, such as `arches (minor, pressed)` or `major members (pulled)`."""
         if np.isnan(self.pulled):
             return f"{self.key} members"
-        is_clear = max(self.pulled, 1 - self.pulled) > CLEAR_SHARE
-        action = ("pulled" if self.pulled > 0.5 else "pressed") if is_clear else "partly pulled, partly pressed"
+        action = "pulled" if self.pulled > CLEAR_SHARE else "partly pulled, partly pressed"
+        action = "pressed" if self.pulled < 1 - CLEAR_SHARE else action
         return f"{self.shape} ({self.key}, {action})" if self.shape else f"{self.key} members ({action})"
 
 
@@ -219,8 +218,7 @@ def family_roles(surface: Surface, directions: StressDirections) -> tuple[Family
         risen = 1 if share > 0.5 else 0
         if max(share, 1 - share) > CLEAR_SHARE and pulled[risen] < 0.5:
             shapes[risen], shapes[1 - risen] = "arches", "purlins" if is_straight else "hoops"
-    major, minor = (FamilyRole(*x) for x in zip(("major", "minor"), shapes, pulled.tolist(), strict=True))
-    return major, minor
+    return FamilyRole("major", shapes[0], float(pulled[0])), FamilyRole("minor", shapes[1], float(pulled[1]))
 
 
 def cross_field(

@@ -39,31 +39,25 @@ class LoopSurroundings:
     outwards: Floats
 
     @classmethod
-    def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> list[Self]:
+    def from_support(cls, frames: Frames, supported: Bools, spacing: float) -> tuple[Self, ...]:
         """Return the surroundings of each of the `small_loops`, with their arguments."""
-        loops = small_loops(frames.surface, supported, spacing)
-        return [cls._from_loop(frames, loop, REACH * spacing) for loop in loops]
-
-    @classmethod
-    def _from_loop(cls, frames: Frames, loop: Ints, reach: float) -> Self:
-        surface = frames.surface
-        on_loop = np.isin(np.arange(surface.n), loop)
-        distance = geodesic_distances(surface, curve_origins(surface, on_loop), reach).vertex
-        gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), np.minimum(distance, reach)[surface.F])
-        mean_gradient = vertex_means(surface, gradient)
-        z = dots(mean_gradient, frames.t1) + 1j * dots(mean_gradient, frames.t2)
-        size = np.abs(z)
-        ray = np.divide(z, size, out=np.zeros_like(z), where=size > 0) ** 2
-        weight = PULL * np.clip(1 - distance / reach, 0, 1) * np.abs(ray)
-        return cls(weight, ray, unit_vectors(gradient))
+        surface, reach, surroundings = frames.surface, REACH * spacing, []
+        for loop in small_loops(surface, supported, spacing):
+            on_loop = np.isin(np.arange(surface.n), loop)
+            distance = geodesic_distances(surface, curve_origins(surface, on_loop), reach).vertex
+            gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), np.minimum(distance, reach)[surface.F])
+            mean_gradient = vertex_means(surface, gradient)
+            z = dots(mean_gradient, frames.t1) + 1j * dots(mean_gradient, frames.t2)
+            ray = np.divide(z, np.abs(z), out=np.zeros_like(z), where=z != 0) ** 2
+            weight = PULL * np.clip(1 - distance / reach, 0, 1) * np.abs(ray)
+            surroundings.append(cls(weight, ray, unit_vectors(gradient)))
+        return tuple(surroundings)
 
     def guidance(self, frames: Frames, stress: StressDirections, turn: float) -> Guidance:
         """Return the directions around the loop: the family with the larger stress along rays, on average, has the
         rays. turn : rotation of both families, radians, as for `cross_field`."""
-        surface = frames.surface
-        cosine = dots(stress.direction[:, 0], self.outwards)
+        surface, cosine = frames.surface, dots(stress.direction[:, 0], self.outwards)
         ray_minus_ring_stress = (stress.stress[:, 0] - stress.stress[:, 1]) * (2 * cosine**2 - 1)
         share = surface.areas * self.weight[surface.F].mean(axis=1)
-        major_has_rays = share @ ray_minus_ring_stress > 0
-        square = self.ray * np.exp(2j * turn) * (1 if major_has_rays else -1)
-        return Guidance(self.weight, self.weight * square)
+        major_sign = 1 if share @ ray_minus_ring_stress > 0 else -1
+        return Guidance(self.weight, major_sign * self.weight * self.ray * np.exp(2j * turn))

@@ -356,6 +356,9 @@ class Pattern(Section):
     """Width (m) of the band of material along the boundary; 0: none."""
     fillet: Annotated[float, Ge(0)] = 0.0
     """Radius (m) of the corners of openings, smaller where space is short. 0: sharp corners."""
+    crowding: Literal["note", "avoid"] = "note"
+    """For stripes: action where stripes come together, so that openings would be filled side by side. note: print a
+    note. avoid: also try a larger keep, a larger spacing, one family and rotate = 45, and take the best."""
     workshop: bool | None = None
     """Close openings, fill tips and widen members below the workshop's limits, slicing.min_gap and slicing.min_member.
     Default: true for evenly spaced stripes, unless their widths are stressed; false on modes."""

@@ -105,10 +105,8 @@ QUANTILES = ("5%", "50%", "95%")
 
 def quality_facts(quality: "PatternQuality") -> dict[str, Any]:
     """Return the key `pattern` of `design.json`; see `PatternQuality` for its numbers."""
-    families = {
-        name: {"title": title, **_family_facts(family_quality)}
-        for title, (name, family_quality) in zip(quality.titles, quality.families, strict=True)
-    }
+    titled = zip(quality.titles, quality.families, strict=True)
+    families = {name: {"title": title, **_family_facts(family)} for title, (name, family) in titled}
     shared = {"crossing_angle_deg": quality.crossing_angle, "symmetry_error": quality.symmetry_error}
     return {"summary": quality.summary, **families, **shared}
 
