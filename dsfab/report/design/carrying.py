@@ -1,6 +1,7 @@
 """Whether a design carries its loads, in words: the verdict, its figures, likely cures, and a table of reactions."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import length, mass, table
@@ -96,7 +97,7 @@ def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
 
 
 def _size(row: Mapping[str, Any]) -> float:
-    return float(row["vertical"] ** 2 + row["thrust"] ** 2) ** 0.5
+    return hypot(row["vertical"], row["thrust"])
 
 
 def _point(place: Sequence[float]) -> str:

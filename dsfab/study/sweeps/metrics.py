@@ -213,9 +213,7 @@ ABOUT: Mapping[str, MetricFacts] = {
     "mass": MetricFacts("kg", "less", "thickening", "mass of the solid"),
     "pieces": MetricFacts("", "less", "slicing", "connected parts of the kept sheet"),
     "genus": MetricFacts("", "", "thickening", "number of handles of the solid: its holes"),
-    "compliance_uncut": MetricFacts(
-        "J", "less", "statics", "compliance of the uncut surface, to rank designs by"
-    ),
+    "compliance_uncut": MetricFacts("J", "less", "statics", "compliance of the uncut surface, to rank designs by"),
     "sheet_mass": MetricFacts("kg", "less", "slicing", "area x thickness x density: a mass that needs no solid"),
     "loose": MetricFacts("", "less", "slicing", "share of the cut material that reaches no support"),
     "pinches": MetricFacts("", "less", "slicing", "point contacts that were joined or split"),
