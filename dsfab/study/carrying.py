@@ -44,9 +44,6 @@ if TYPE_CHECKING:
 
 Place = tuple[float, float, float]
 
-USUAL_SPAN_SHARE = 300
-"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
-
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 
 BUCKLED_CASES = 3

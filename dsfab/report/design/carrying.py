@@ -5,10 +5,12 @@ from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import length, mass, table
-from dsfab.study.carrying import USUAL_SPAN_SHARE
 
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
+
+USUAL_SPAN_SHARE = 300
+"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
 
 SHOWN_SUPPORTS = 6
 """Number of supports in a short table of reactions; more would push the rest of a build off the screen."""
