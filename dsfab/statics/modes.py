@@ -192,12 +192,12 @@ def lowest_buckling(
     several = buckling(sheet, load, answer, MODES_BESIDE_LOCAL, elements, K, factors)
     x, y, z = sheet.surface.V[np.linalg.norm(lowest.shapes[0], axis=1).argmax()].round(2).tolist()
     is_global = moved_share(sheet.surface, several.shapes) >= LOCAL_SHARE
-    beside = (
+    clause = (
         f"the first mode of more than {LOCAL_SHARE:.0%} has the factor {several.factor[is_global][0]:.3g}"
         if is_global.any()
         else f"the first {len(several.factor)} modes are all local"
     )
-    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {beside}"
+    return float(lowest.factor[0]), f"local: its mode moves {share:.1%} of the area, at ({x}, {y}, {z}) m; {clause}"
 
 
 def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_array:

@@ -24,9 +24,10 @@ import numpy as np
 
 from dsfab.core.errors import DsfabError
 from dsfab.slicing import Sheet
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.study.verdict import LoadedSurface, check
 from dsfab.study.verdict.estimates import rib_width
-from dsfab.study.verdict.levels import RibSoftening, SmoothSurface, meshes, shares, theory_share
+from dsfab.study.verdict.levels import RibSoftening, shares, theory_share
 from dsfab.study.verdict.verdict import attached_material
 from tests.benchmarks.solid_designs import DRAWN, FITTED, LATER, NAMED, drawn_design, named_design
 from tests.benchmarks.solid_wedges import solid_compliance

@@ -7,8 +7,8 @@ import dsfab
 from dsfab.design import held_vertices, sheet_load
 from dsfab.design.regions_and_loads import acting_on
 from dsfab.slicing import cut
+from dsfab.slicing.cutting.sheet import SmoothSurface, finer
 from dsfab.study.verdict import whole_sheet
-from dsfab.study.verdict.levels import SmoothSurface, finer
 from dsfab.surface import (
     All,
     Ball,

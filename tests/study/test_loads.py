@@ -20,10 +20,11 @@ from dsfab.report.design.inspection import load_facts, load_lines
 from dsfab.report.design.statics import cut_load_facts
 from dsfab.report.html_pages import CaptionNumbers
 from dsfab.slicing import cut
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.study.check_model import cut_model
 from dsfab.study.comparison import comparison
 from dsfab.study.verdict import LoadedSurface, whole_sheet
-from dsfab.study.verdict.levels import SmoothSurface, meshes, on_mesh, shares
+from dsfab.study.verdict.levels import on_mesh, shares
 from dsfab.surface import (
     All,
     Ball,

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import (
     Material,
     SheetMaterial,
@@ -19,7 +20,7 @@ from dsfab.statics import (
 )
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import TABLE
-from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, level, meshes, rib_softening, shares
+from dsfab.study.verdict.levels import MAIN_ELEMENTS, level, rib_softening, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface
 from tests.benchmarks.solid_designs import LATER, NAMED, drawn_design, segment

@@ -11,6 +11,7 @@ import pytest
 import dsfab
 from dsfab.app.verify import verify
 from dsfab.slicing import cut
+from dsfab.slicing.cutting.sheet import SmoothSurface, finer, meshes
 from dsfab.statics import Material, SheetMaterial
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import (
@@ -24,7 +25,7 @@ from dsfab.study.verdict.calibration import (
     trial_row,
 )
 from dsfab.study.verdict.estimates import QUICK_ERRORS, estimate, limit_at_own_rate
-from dsfab.study.verdict.levels import MAIN_ELEMENTS, SmoothSurface, finer, level, meshes, on_mesh, shares
+from dsfab.study.verdict.levels import MAIN_ELEMENTS, level, on_mesh, shares
 from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.shapes import grid, jittered, lifted, moebius, sphere

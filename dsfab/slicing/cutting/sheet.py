@@ -1,13 +1,14 @@
-"""`Sheet`: a surface cut into material and void cells, and parts of it as surfaces of their own."""
+"""`Sheet`: a surface cut into material and void cells, parts of it as surfaces of their own, and finer meshes of it."""
 
 import dataclasses
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import IntEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, lock
 from dsfab.core.errors import PatternError
@@ -327,3 +328,91 @@ def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) ->
     result = np.full(count, np.inf)
     result[group[half][::-1]] = x[half][::-1]
     return result
+
+
+CREASE_COSINE = np.cos(np.radians(30))  # a smaller cosine of a face's normal and a vertex's mean normal marks a crease
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothSurface:
+    """Quadratic patches: a flat face's point with barycentric l moves by the sum of 4 l_i l_j bulge over edges i-j.
+    surface : the flat faces.
+    bulge   : (e, 3) vector from the middle of each chord to its curved edge, metres; 0 for flat faces and creases.
+
+    The edge is a cubic curve from a to b, perpendicular to the normals n_a and n_b at its ends; its middle gives the
+    bulge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge
+    does not depend on the sign of the normals. Patches have the same bulge at a common edge, so there is no gap.
+    """
+
+    surface: Surface
+    bulge: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "bulge", np.float64, (len(self.surface.edges.ends), 3))
+
+    @classmethod
+    def from_surface(cls, surface: Surface) -> "SmoothSurface":
+        """Return the smooth surface through the vertices of `surface`."""
+        normals, F, edges = _corner_normals(surface), surface.F, surface.edges
+        start, end = F, np.roll(F, -1, axis=1)
+        chord = surface.V[end] - surface.V[start]  # (m, half-edge, 3)
+        n_a, n_b = normals, np.roll(normals, -1, axis=1)
+        bent = (_normal_component(chord, n_b) - _normal_component(chord, n_a)) / 8
+        total = np.stack([np.bincount(edges.of.ravel(), bent[..., k].ravel()) for k in range(3)], axis=1)
+        return cls(surface, total / edges.count[:, None])
+
+    def points(self, weights: csr_array) -> Floats:
+        """Return the points (k, 3), metres, with barycentric weights (k, n); each row is a point in one face."""
+        flat = np.asarray(weights @ self.surface.V)
+        if not self.bulge.any():
+            return flat
+        edges, (column, weight) = self.surface.edges, weight_entries(weights)
+        for i, j in ((0, 1), (1, 2), (0, 2)):
+            product = 4 * weight[:, i] * weight[:, j]
+            between = np.flatnonzero(product > 0)
+            numbers = edges.edges_between(column[between, i], column[between, j])
+            flat[between] += product[between, None] * self.bulge[numbers]
+        return flat
+
+
+def _normal_component(chord: Floats, normal: Floats) -> Floats:
+    return np.asarray((chord * normal).sum(axis=-1, keepdims=True) * normal)
+
+
+def _corner_normals(surface: Surface) -> Floats:
+    """Return unit normals (m, 3, 3) at the corners of faces: the vertex's mean, or the face's normal at a crease."""
+    corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
+    first_face = np.zeros(surface.n, dtype=np.int64)
+    first_face[corner[::-1]] = face[::-1]
+    face_normals = surface.normals[face]
+    # on a one-sided sheet, normals around a vertex may be opposite; all take the side of the first face
+    side = np.where((face_normals * surface.normals[first_face[corner]]).sum(axis=1) < 0, -1.0, 1.0)
+    weighted = face_normals * (side * surface.areas[face])[:, None]
+    mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
+    mean = mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-300)
+    smooth = np.abs((face_normals * mean[corner]).sum(axis=1)) > CREASE_COSINE
+    return np.asarray(np.where(smooth[:, None], mean[corner], face_normals).reshape(-1, 3, 3))
+
+
+def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
+    """Split every triangle into four, with points on the smooth surface; the old vertices come first. The weights of
+    the new
+    vertices refer to the uncut surface, because supports and loads are defined on that surface.
+    """
+    F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
+    a, b = edges.ends.T
+    weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))
+    weights.data[weights.data < 1e-12] = 0.0  # removes rounding errors
+    weights.eliminate_zeros()
+    mid = n + edges.of
+    parts = [np.stack([F[:, k], mid[:, k], mid[:, k - 1]], axis=1) for k in range(3)]
+    surface = Surface(smooth.points(weights), np.concatenate([*parts, mid]))
+    return Sheet(surface, np.tile(sheet.parent, 4), np.tile(sheet.family, 4), weights)
+
+
+def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
+    """Yield the cut mesh with its points on the smooth surface, then finer and finer meshes without end."""
+    mesh = dataclasses.replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
+    while True:
+        yield mesh
+        mesh = finer(mesh, smooth)

@@ -15,6 +15,7 @@ from dsfab.design import run
 from dsfab.design.design import Design
 from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import Elements
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.levels import (
@@ -23,9 +24,7 @@ from dsfab.study.verdict.levels import (
     SPREAD_ELEMENTS,
     Level,
     Shares,
-    SmoothSurface,
     level,
-    meshes,
     on_mesh,
     shares,
 )

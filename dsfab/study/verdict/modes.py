@@ -7,6 +7,7 @@ from itertools import islice
 from dsfab.core.errors import DsfabError
 from dsfab.design import Progress
 from dsfab.slicing import Sheet
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import (
     Elements,
     FactorCache,
@@ -24,7 +25,7 @@ from dsfab.statics import (
 )
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.verdict import estimates
-from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_mesh, shares
+from dsfab.study.verdict.levels import memory_needed, on_mesh, shares
 from dsfab.study.verdict.verdict import MOST_MESHES, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 

@@ -17,6 +17,7 @@ from dsfab.design import held_vertices, sheet_loads
 from dsfab.design.design import Design
 from dsfab.design.log import Progress
 from dsfab.slicing import Sheet, improve_cells
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.statics import Elements, SheetMaterial, flat_axis, needle_message
 from dsfab.statics.boundary_conditions import all_clamped, require_held
 from dsfab.study.verdict import estimates
@@ -27,10 +28,8 @@ from dsfab.study.verdict.levels import (
     SPREAD_ELEMENTS,
     Level,
     Shares,
-    SmoothSurface,
     level,
     memory_needed,
-    meshes,
     on_mesh,
     shares,
     theory_share,
