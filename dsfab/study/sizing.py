@@ -96,8 +96,11 @@ class SizingResult:
 
     def facts(self) -> dict[str, Any]:
         """Return the key `sizing` of `design.json`, in SI units; figures without a value are None."""
-        finite = [{k: None if v == float("inf") else v for k, v in asdict(row).items()} for row in self.trials]
-        rows = [row | {"excess": {k: v for k, v in row["excess"].items() if v != float("inf")}} for row in finite]
+
+        def finite(values: dict[str, Any]) -> dict[str, Any]:
+            return {key: None if value == float("inf") else value for key, value in values.items()}
+
+        rows = [finite(asdict(trial)) | {"excess": finite(trial.excess)} for trial in self.trials]
         return {"fits": self.fits, "stock": self.stock, "changes": self.changes, "trials": rows}
 
 
