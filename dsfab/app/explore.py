@@ -155,7 +155,7 @@ def explore(
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote."""
     from dsfab.render.opengl import require_rendering
 
-    loaded = preset_with_mode(source.read_preset(preset), tile.show)
+    loaded = preset_with_mode(source.read_preset(preset, thickness="guessed"), tile.show)
     pixels, values = picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
         for value in listed:  # an invalid value raises its error before the work begins

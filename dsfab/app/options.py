@@ -127,7 +127,9 @@ class Source:
             return preset
         from dsfab.study import guessed_preset, sized_preset
 
-        return sized_preset(preset) if thickness == "sized" else guessed_preset(preset)
+        if thickness == "guessed":
+            return guessed_preset(preset)
+        return _built_preset(preset) or sized_preset(preset)
 
     def proposal(self, name: str) -> "Proposal | None":
         """Return the proposal for a mesh file; None for a preset."""
@@ -184,6 +186,22 @@ class Source:
         words += ["--built-in"] * self.built_in + [word for text in self.load for word in ("--load", text)]
         words += ["--max-triangles", str(self.max_triangles)] if self.max_triangles is not None else []
         return words + (["--up", self.up] if self.up is not None else [])
+
+
+def _built_preset(preset: "Preset") -> "Preset | None":
+    """Return the preset with the thickness that its last build chose; None if the preset or its mesh changed since."""
+    from dsfab.preset.file import load_preset
+
+    path, mesh = Path("outputs") / preset.name / "preset.toml", getattr(preset.surface, "file", None)
+    if not path.is_file() or (mesh and mesh.is_file() and mesh.stat().st_mtime > path.stat().st_mtime):
+        return None
+    try:
+        built = load_preset(path)
+        sized = preset.with_thickness(built.statics.thickness)
+    except DsfabError:
+        return None
+    a, b = (choices.model_dump(exclude={"surface": {"file", "mesh"}, "export": True}) for choices in (sized, built))
+    return sized if a == b else None
 
 
 UNCHANGED = Source()  # The preset without changes.

@@ -125,7 +125,7 @@ def preview(
     with _first_picture(picture, reporter) as first_picture:
         folder = built_folder(preset)
         file = preset if folder is None else str(folder / "preset.toml")
-        loaded_preset = source.read_preset(file)
+        loaded_preset = source.read_preset(file, thickness="guessed")
         page = picture.page(loaded_preset, folder or Path())
         if watch and not Path(file).is_file():
             raise DsfabError(
@@ -133,7 +133,7 @@ def preview(
             )
         with _drawing(page, reporter, folder, first_picture) as draw:
             if watch:
-                return _watch(Path(file), lambda: draw(source.read_preset(file)), reporter)
+                return _watch(Path(file), lambda: draw(source.read_preset(file, thickness="guessed")), reporter)
             draw(loaded_preset)
     return 0
 

@@ -133,41 +133,28 @@ class Stock(NamedTuple):
         return tuple(round(t / 1000, 6) for t in self.millimetres)
 
 
-_PLATE = Stock(
-    (3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 50, 60, 70, 80, 100), "plates of EN 10029, as merchants stock them"
-)
-_SAWN = Stock(
-    (16, 19, 22, 25, 32, 38, 44, 50, 63, 75, 100, 125, 150, 175, 200, 225, 250, 300), "sawn softwood, EN 1313-1"
-)
-_GLULAM = Stock(
-    (20, 30, 40, 60, 80, 100, 120, 140, 160, 180, 200, 220, 240, 280, 320, 360, 400, 440, 480, 520, 560, 600),
-    "laminations and standard beams of makers, EN 14080",
-)
-
-STOCK = {
-    **dict.fromkeys(("S235", "S275", "S355", "S460"), _PLATE),
-    **dict.fromkeys(("C24", "C30"), _SAWN),
-    **dict.fromkeys(("GL24h", "GL28h", "GL32h"), _GLULAM),
-    "LVL 48 P": Stock(
-        (21, 24, 27, 30, 33, 39, 45, 51, 57, 63, 69, 75, 90, 102, 114, 126, 138, 150, 189, 225, 300),
+_STOCK = (
+    ("S235, S275, S355, S460", "3 4 5 6 8 10 12 15 20 25 30 35 40 50 60 70 80 100", "plates of EN 10029"),
+    ("C24, C30", "16 19 22 25 32 38 44 50 63 75 100 125 150 175 200 225 250 300", "sawn softwood, EN 1313-1"),
+    (
+        *("GL24h, GL28h, GL32h", "20 30 40 60 80 100 120 140 160 180 200 220 240 280 320 360 400 440 480 520 560 600"),
+        "laminations and standard beams of makers, EN 14080",
+    ),
+    (
+        *("LVL 48 P", "21 24 27 30 33 39 45 51 57 63 69 75 90 102 114 126 138 150 189 225 300"),
         "makers' sheets up to 75 mm, then panels glued from two to four of them",
     ),
-    "CLT": Stock(
-        (60, 80, 90, 100, 120, 140, 160, 180, 200, 220, 240, 260, 280, 300, 320), "makers' panels of 3 to 8 layers"
-    ),
-    "plywood": Stock(
-        (4, 6.5, 9, 12, 15, 18, 21, 24, 27, 30, 35, 40, 45, 50), "birch plywood, Handbook of Finnish Plywood"
-    ),
-    "aluminium 6082": Stock(
-        (2, 3, 4, 5, 6, 8, 10, 12, 15, 20, 25, 30, 35, 40, 50, 60, 80, 100), "plates of EN 485, as merchants stock them"
-    ),
-    "concrete C30/37": Stock(
-        (*range(40, 200, 10), *range(200, 401, 20)), "steps of 10 mm, from 200 mm on of 20 mm, that a formwork can set"
-    ),
-    "GFRP": Stock((3, 5, 6, 8, 10, 12, 15, 20, 25, 30, 40), "pultruded plates of makers, also glued in pairs"),
-    "PLA": Stock(
-        (0.8, 1, 1.2, 1.6, 2, 2.4, 3, 4, 5, 6, 8, 10, 12, 14, 16, 20, 24, 30), "whole layers of 0.2 mm of a printer"
-    ),
+    ("CLT", "60 80 90 100 120 140 160 180 200 220 240 260 280 300 320", "makers' panels of 3 to 8 layers"),
+    ("plywood", "4 6.5 9 12 15 18 21 24 27 30 35 40 45 50", "birch plywood, Handbook of Finnish Plywood"),
+    ("aluminium 6082", "2 3 4 5 6 8 10 12 15 20 25 30 35 40 50 60 80 100", "plates of EN 485"),
+    ("concrete C30/37", "40 50 60 70 80 90 100 110 120 140 160 180 200 220 240 270 300 350 400", "steps of a formwork"),
+    ("GFRP", "3 5 6 8 10 12 15 20 25 30 40", "pultruded plates of makers, also glued in pairs"),
+    ("PLA", "0.8 1 1.2 1.6 2 2.4 3 4 5 6 8 10 12 14 16 20 24 30", "whole layers of 0.2 mm of a printer"),
+)
+STOCK = {
+    name: Stock(tuple(map(float, sizes.split())), source)
+    for names, sizes, source in _STOCK
+    for name in names.split(", ")
 }
 """Stock of materials by name."""
 

@@ -63,6 +63,9 @@ class Workshop(Section):
     takes minutes and needs: pip install "dsfab[nesting]"."""
     model: Annotated[float, Ge(0)] = 0.0
     """Scale of a card model: 50 means 1:50, and all lengths of this section are lengths of the model. 0: full size."""
+    alike: Annotated[float, Ge(0), Le(0.05)] = 0.0
+    """strips: parts become equal if their outlines differ by at most this distance (m), and their holes by half a
+    millimetre. 0: parts stay as they are."""
     splice: Literal["cover", "scarf", "fingers", "none"] = "cover"
     """Joint of parts longer than the stock. cover: bolted cover plate for members, butt joint for flat sheets. scarf:
     glued bevel of eight times the thickness. fingers: finger joints for flat sheets. none: butt joints."""

@@ -79,9 +79,10 @@ class SizingResult:
 
     def lines(self, every: bool = False) -> Iterator[str]:
         """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks."""
-        thickness = self.trials[-1].thickness
-        nearest = sorted({trial.thickness for trial in self.trials}, key=lambda t: abs(np.log(t / thickness)))[:4]
-        rows = [trial.row for trial in self.trials if every or trial.is_final or trial.thickness in nearest]
+        thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
+        k = stock.index(thickness)
+        shown = stock if every else stock[max(0, k - 2) : k + 2]
+        rows = [trial.row for trial in self.trials if trial.is_final or trial.thickness in shown]
         yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
         yield f"thicknesses: {self.stock}"
         if self.changes:
@@ -95,8 +96,11 @@ class SizingResult:
 
     def facts(self) -> dict[str, Any]:
         """Return the key `sizing` of `design.json`, in SI units; figures without a value are None."""
-        finite = [{k: None if v == float("inf") else v for k, v in asdict(row).items()} for row in self.trials]
-        rows = [row | {"excess": {k: v for k, v in row["excess"].items() if v != float("inf")}} for row in finite]
+
+        def finite(values: dict[str, Any]) -> dict[str, Any]:
+            return {key: None if value == float("inf") else value for key, value in values.items()}
+
+        rows = [finite(asdict(trial)) | {"excess": finite(trial.excess)} for trial in self.trials]
         return {"fits": self.fits, "stock": self.stock, "changes": self.changes, "trials": rows}
 
 
@@ -138,8 +142,8 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     guess = guessed_preset(preset)
     thickness = guess.statics.thickness
     stock, source = _stock(preset, thickness)
-    design, trials, nearest = Design.from_preset(guess, None, progress), list[SizingTrial](), (float("inf"), guess)
-    ladder = _changes(design)
+    design, trials = Design.from_preset(guess, None, progress), list[SizingTrial]()
+    candidates, ladder = list[tuple[SizingTrial, Preset]](), _changes(design)
     for changes in ladder:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
@@ -153,11 +157,10 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         trials += [*rows, *cuts]
         if chosen:
             return _with_result(chosen, SizingResult(tuple(trials), source, changes))
-        row = min(rows, key=lambda row: row.worst)
-        if row.worst < nearest[0]:
-            nearest = row.worst, changed.with_thickness(row.thickness)
-    design = Design.from_preset(nearest[1], design, progress)
-    trials.append(_trial(design, carrying(design), is_final=True))
+        candidates += [(row, changed.with_thickness(row.thickness)) for row in rows]
+    row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
+    design = Design.from_preset(nearest, design, progress)
+    trials.append(_trial(design, carrying(design), row))
     return _with_result(design, SizingResult(tuple(trials), source, {}))
 
 
@@ -170,7 +173,7 @@ def _own_cuts(
     k = next((k for k, row in enumerate(rows) if row.worst <= 1), len(rows))
     while 0 <= k < len(rows) and len(trials) < OWN_CUTS:
         design = Design.from_preset(preset.with_thickness(rows[k].thickness), design, progress)
-        trial = _trial(design, carrying(design), is_final=True)
+        trial = _trial(design, carrying(design), rows[k])
         if trial.worst > 1:
             trials.insert(0, trial)
             k = len(rows) if chosen else k + 1
@@ -228,15 +231,17 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
         yield _trial(design, replace(outcome, buckling=min(factors[name] for name in judged)))
 
 
-def _trial(design: Design, outcome: Carrying, is_final: bool = False) -> SizingTrial:
+def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
+    """Return the trial of a solved structure. row : its trial on the cut of another thickness, whose factor of buckling
+    replaces one that `carrying` could not compute."""
     targets = design.preset.sizing
     use = outcome.use.value if outcome.use else float("inf")
     movement = outcome.movement.share if outcome.movement else float("inf")
-    factor = float("inf") if outcome.buckling is None else outcome.buckling
+    factor = outcome.buckling or (row.buckling if row else float("inf"))
     excess = {
         "utilisation": use / targets.utilisation,
         "movement": movement * targets.movement,
         "buckling": targets.buckling / factor,
     }
     share = design.sheet.surface.area / design.surface.area
-    return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, is_final)
+    return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, row is not None)

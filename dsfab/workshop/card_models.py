@@ -23,7 +23,7 @@ from dsfab.workshop.ground import BasePlane, StripFoot
 from dsfab.workshop.layers import Layering
 from dsfab.workshop.parts import NAME_SHARE, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
-from dsfab.workshop.strips import MESH_TOLERANCE, StripLimits, bending_strain, is_strip, letter_height
+from dsfab.workshop.strips import HOLE_FIT, StripLimits, bending_strain, is_strip, letter_height
 
 CREASE_STRAIN = 0.01
 """Strain at which greyboard creases, a rule of thumb: a bending radius of 50 thicknesses. Thin card can bear more."""
@@ -76,8 +76,8 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"({narrow[0].id} is {length(least)}): build at 1:{larger:g} or larger, or make members "
             f"{length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    fit = 1e-4  # metres: allowed distance of a hole from its node, because of a coarse mesh
-    wanted_edge = limits.wanted_edge * np.sqrt(fit / (MESH_TOLERANCE * bolt)) * scale if bolt else np.inf
+    fit = 1e-4  # metres: allowed error of the length between two pins, because of a coarse mesh
+    wanted_edge = limits.wanted_edge * np.sqrt(fit / HOLE_FIT) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted_edge:
         notes.append(
             f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "

@@ -31,13 +31,15 @@ class Layering:
     rim    ═══════════════     2      edges, and below them kept regions, both below the stripes
                                4      plates, below all strips
     families_below : families of `FAMILIES_BELOW` that have layers; a model has no layer for an absent family.
-    letters : largest heights of part names and of node names (m)."""
+    letters : largest heights of part names and of node names (m).
+    alike   : distance (m) within which outlines may become equal; 0 leaves all parts as they are."""
 
     thickness: float
     count: int
     bolt: float
     families_below: tuple[str, ...] = FAMILIES_BELOW
     letters: tuple[float, float] = (PART_LETTERS, NODE_LETTERS)
+    alike: float = 0.0
 
     def family_layers(self, family: str) -> tuple[int, ...]:
         """Return the layers of a family, counted from the top."""
@@ -76,7 +78,8 @@ class Layering:
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Return places (along, left) of a splice's bolts (m), in one row or two."""
-        rows = (-width / 4, width / 4) if width / 4 >= 3 * self.bolt else (0.0,)  # two rows need wide parts
+        row = round(width / 4 / self.alike) * self.alike if self.alike else width / 4
+        rows = (-row, row) if width / 4 >= 3 * self.bolt else (0.0,)  # two rows need wide parts
         along = (END_DISTANCE * self.bolt, (END_DISTANCE + BOLT_PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
 

@@ -3,6 +3,7 @@
 A letter is a few polylines on a grid 4 wide and 6 high; "xy" are the two digits of a point. The outlines of an
 ordinary font would be engraved twice."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -227,6 +228,50 @@ def _same_points(points_a: Floats, points_b: Floats) -> bool:
         return False
     pairs = ((points_a, points_b), (points_b, points_a)) if len(points_a) else ()
     return all(bool((np.asarray(cKDTree(P).query(Q)[0]) < SAME_DISTANCE).all()) for P, Q in pairs)
+
+
+def alike_parts(parts: Sequence[FlatPart], distance: float, fit: float) -> list[FlatPart]:
+    """Return parts along x; each takes the shape of the first earlier part that is near enough, and keeps its names.
+    distance : largest distance between two outlines (m).    fit : largest distance between matching holes (m).
+    Parts may be turned by half a turn, but not mirrored, because their engraved face lies outside."""
+    first_parts = dict[tuple[int, float], list[FlatPart]]()
+    result = list[FlatPart]()
+    for part in parts:
+        candidates = first_parts.setdefault((len(part.holes), part.thickness), [])
+        is_plain = not (part.slots or part.folds)
+        turned = (_in_place_of(model, part, turn, distance, fit) for model in candidates for turn in (1, -1))
+        alike = next(filter(None, turned), None) if is_plain else None
+        if alike is None and is_plain:
+            candidates.append(part)
+        result.append(alike or part)
+    return result
+
+
+def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fit: float) -> FlatPart | None:
+    """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not near enough."""
+    if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
+        return None
+    turned, own = turn * model.features[1], part.features[1]
+    shift = turned.mean(axis=0) - own.mean(axis=0) if len(own) else np.zeros(2)
+    own, outline = own + shift, part.outline + shift
+    order = np.linalg.norm(own[:, None] - turned, axis=2).argmin(axis=1) if len(own) else np.zeros(0, dtype=np.int64)
+    if len(set(order.tolist())) < len(own) or (np.linalg.norm(own - turned[order], axis=1) > fit).any():
+        return None
+    if max(_apart(turn * model.outline, outline), _apart(outline, turn * model.outline)) > distance:
+        return None
+    # an outline with an axis has its right edge first, so half a turn begins with the other edge
+    outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
+    holes = tuple(replace(hole, at=turned[k]) for hole, k in zip(part.holes, order, strict=True))
+    marks = tuple(mark + shift for mark in part.marks)
+    return replace(part, outline=outline, holes=holes, marks=marks, axis=turn * model.axis[::turn])
+
+
+def _apart(P: Floats, Q: Floats) -> float:
+    """Return the largest distance (m) of the corners P (k, 2) from the closed outline Q (l, 2)."""
+    step = np.roll(Q, -1, axis=0) - Q
+    offset = P[:, None] - Q
+    t = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-30), 0, 1)
+    return float(np.linalg.norm(offset - t[..., None] * step, axis=2).min(axis=1).max())
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:

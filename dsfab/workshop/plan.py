@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import islice
 
 import numpy as np
 
@@ -12,8 +13,9 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length, names_and_count, stopping_clause
 from dsfab.design import Design
-from dsfab.members import MemberGraph, spherical_normals
+from dsfab.members import MemberGraph, member_graph, spherical_normals
 from dsfab.preset.sections import Workshop
+from dsfab.slicing.cutting.sheet import SmoothSurface, meshes
 from dsfab.workshop.bars import BarPlan, BarStock, bar_plan
 from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
 from dsfab.workshop.card_models import (
@@ -28,12 +30,21 @@ from dsfab.workshop.card_models import (
 from dsfab.workshop.ground import BasePlane, base_notes, base_parts
 from dsfab.workshop.layers import FAMILIES_BELOW, Layering
 from dsfab.workshop.nesting import NestedSheet, nest_parts, require_spyrrow, with_fewer_sheets
-from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS, FlatPart, congruent, shape_key
+from dsfab.workshop.parts import NODE_LETTERS, PART_LETTERS, FlatPart, alike_parts, congruent, shape_key
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan, standing_order
 from dsfab.workshop.plates import SheetJoint, is_plate, plate_parts, sheet_parts
 from dsfab.workshop.splices import SCARF_SLOPE, scarf_line
 from dsfab.workshop.stock import price_notes, sheet_hints, stock_choices, stock_cost
-from dsfab.workshop.strips import LEAST_STRAIN, StripLimits, StripParts, is_strip, strip_limits, strip_parts
+from dsfab.workshop.strips import (
+    HOLE_FIT,
+    LEAST_STRAIN,
+    StripLimits,
+    StripParts,
+    drilling_edge,
+    is_strip,
+    strip_limits,
+    strip_parts,
+)
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -70,7 +81,8 @@ def construction_route(
     if options.model:
         return ConstructionRoute("strips", "models are built of strips")
     statics = design.preset.statics
-    limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, options.bolt)
+    edge = drilling_members(design)[1]
+    limits = strip_limits(graph, design.surface, layering.thickness, statics.strength / statics.young, edge)
     return _route_by_limits(design, graph, limits, up)
 
 
@@ -309,11 +321,34 @@ def _model_scale(design: Design) -> float:
     return design.preset.workshop.model or 1.0
 
 
+MOST_FACES = 250_000  # of a cut sheet that is refined for drilling; its members take 15 s
+
+
+def drilling_members(design: Design) -> tuple[MemberGraph, float]:
+    """Return the members of a design on a mesh that is fine enough for drilling, and the edge of that mesh (m).
+    If the design's edges exceed `drilling_edge`, the points of the cut sheet move to the smooth surface, and each
+    triangle is divided into four, once or several times. The pattern and the names of members stay."""
+
+    def members() -> tuple[MemberGraph, float]:
+        graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge
+        wanted = int(np.ceil(np.log2(max(edge / drilling_edge(graph), 1.0))))
+        halvings = min(wanted, int(np.log2(max(MOST_FACES / sheet.surface.m, 1.0)) / 2))
+        if not halvings:
+            return graph, edge
+        finer_sheets = meshes(sheet, SmoothSurface.from_surface(design.surface))
+        finer = member_graph(design.surface, next(islice(finer_sheets, halvings, None)), design.pattern)
+        is_same = [member.id for member in finer.members] == [member.id for member in graph.members]
+        return (finer, edge / 2**halvings) if is_same else (graph, edge)
+
+    return design.cached_result("slicing", "drilling members", members)
+
+
 def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
     options, graph = design.preset.workshop, design.members
     thickness = options.thickness or design.preset.statics.thickness / options.layers / _model_scale(design)
     if not options.model:
-        return graph, Layering(thickness, options.layers, options.bolt)
+        layering = Layering(thickness, options.layers, options.bolt, alike=options.alike)
+        return drilling_members(design)[0], layering
     present = {member.family for member in graph.members if is_strip(member)}
     order = tuple(family for family in FAMILIES_BELOW if family in present)
     return scaled_graph(graph, options.model), Layering(thickness, options.layers, options.bolt, order, MODEL_LETTERS)
@@ -344,20 +379,28 @@ def _curved_design_parts(
         surface = scaled_surface(surface, options.model)
         ground = BasePlane.from_supports(surface, design.load, up, layering.thickness, TAB_CLEARANCE)
         room = [(a - TABS_LENGTH * layering.thickness, b - TABS_LENGTH * layering.thickness) for a, b in room]
-    limits = strip_limits(graph, surface, layering.thickness, limit, options.bolt)
+    edge = surface.mean_edge if options.model else drilling_members(design)[1]
+    limits = strip_limits(graph, surface, layering.thickness, limit, edge)
     strips = strip_parts(graph, layering, room, options.splice, ground)
     discs = [member for member in graph.members if is_plate(member)]
     below, missed_nodes = layering.layer_height(layering.plate_layer), {node for node, _ in strips.missed_nodes}
     plates = plate_parts(graph, discs, node_normals(design, graph), below, layering.bolt, missed_nodes)
     if not strips.pieces and not plates:
         raise PatternError("nothing of this design is a strip or a plate; build it as one piece, see `dsfab build`")
-    lines = model_notes(limits, graph, options.model, options.bolt) if options.model else limits.lines
+    lines = model_notes(limits, graph, options.model, options.bolt) if options.model else [*limits.lines]
+    if edge < surface.mean_edge:
+        refined = f"the mesh is refined for drilling: edges of {length(edge)} instead of {length(surface.mean_edge)}"
+        lines = [*lines, f"{refined}, on a smooth surface"]
     notes = [*lines, *_plate_notes(plates), *_strip_notes(strips, graph, layering)]
     if options.splice == "scarf" and strips.splice_count:
         notes.append(scarf_line(strips.splice_count, SCARF_SLOPE * layering.thickness))
     parts = [*strips.pieces, *strips.covers, *plates]
     if options.model:
         parts += packing_parts(graph, layering)
+    else:
+        alike = alike_parts(parts, options.alike or NEARLY_EQUAL, HOLE_FIT)
+        notes += _alike_notes(parts, alike, options.alike)
+        parts = list(alike) if options.alike else parts
     if footing := design_footing(design, up):
         feet, flat = leg_plates(graph, layering, footing, options.plate)
         parts, notes = [*parts, *feet], [*notes, *leg_lines([foot.folds[0].angle for foot in feet], flat)]
@@ -374,7 +417,7 @@ def _panel_design_parts(
     surface = scaled_surface(design.surface, options.model)
     ground = BasePlane.from_supports(surface, design.load, up, thickness, TAB_CLEARANCE)
     room = [(a - TABS_LENGTH * thickness, b - TABS_LENGTH * thickness) for a, b in room]
-    limits = strip_limits(graph, surface, thickness, CREASE_STRAIN, options.bolt)
+    limits = strip_limits(graph, surface, thickness, CREASE_STRAIN, surface.mean_edge)
     panels = panel_parts(graph, thickness, layering.letters[0], room, ground)
     discs = [member for member in graph.members if is_plate(member)]
     plates = plate_parts(graph, discs, node_normals(design, graph), 0.0, layering.bolt)
@@ -384,6 +427,17 @@ def _panel_design_parts(
         base = base_parts(ground, surface, panels.feet, room)
         parts, notes = [*parts, *base], [*notes, *base_notes(ground, panels.feet, base)]
     return parts, notes
+
+
+NEARLY_EQUAL = 5e-3  # distance of outlines (m) for the count of near-equal parts, if workshop.alike is 0
+
+
+def _alike_notes(parts: list[FlatPart], alike: list[FlatPart], distance: float) -> list[str]:
+    before, after = len(equal_part_groups(parts)), len(equal_part_groups(alike))
+    if distance:
+        return [f"{_quantity(len(parts), 'part')} of {after} shapes, where workshop.alike = 0 has {before}"]
+    fewer = f"; workshop.alike = {NEARLY_EQUAL:g} makes them {after} or fewer" if after < before else ""
+    return [f"{_quantity(len(parts), 'part')} of {_quantity(before, 'shape')}{fewer}"]
 
 
 def _plate_notes(plates: list[FlatPart]) -> list[str]:

@@ -166,8 +166,12 @@ class _StripLayer:
             parts.covers.append(self._part(cover, f"{self.name}.c{k}", span, joint_bolts, parts.missing_holes))
 
     def _splice_bolts(self, joint: float, number: int) -> Iterator[StripBolt]:
-        for x, y in self.layering.splice_bolts(float(self.course.width(np.array([joint]))[0])):
-            P, T, N = (row[0] for row in self.course.frame_at(np.array([joint + x])))
+        course, height = self.course, self.layering.cover_height(self.member.family, self.number)
+        kg, kn = (float(np.interp(joint, course.s, values)) for values in (course.kg, course.kn))
+        for x, y in self.layering.splice_bolts(float(course.width(np.array([joint]))[0])):
+            if self.layering.alike:  # straight rows on the flat cover, at its height over the surface
+                x, y = x / (1 - height * kn), y - kg * x**2 / 2
+            P, T, N = (row[0] for row in course.frame_at(np.array([joint + x])))
             yield StripBolt(f"{self.name}.c{number}", P + y * np.cross(N, T), N, joint + x)
 
     def _pieces(self, layer: Development, cuts: Cuts, bolts: list[StripBolt], missing: list[str]) -> list[FlatPart]:
@@ -246,9 +250,9 @@ def bending_strain(course: StripCourse, span: tuple[float, float], thickness: fl
 
 
 UNCERTAIN_WIDTHS = 1.5  # length at each end of a member, over its width, in which the fitted curvature is uncertain
-MESH_TOLERANCE = 1 / 40
-"""Largest distance between the mesh and the smooth surface, over the bolt diameter. Lengths of bays have at most about
-twice this error: on surfaces in closed form, a distance of 0.2 mm gave errors of 0.7 mm, and 1.4 mm gave 14 mm."""
+HOLE_FIT = 5e-4
+"""Largest error (m) of a length between holes. A hole may be a millimetre larger than its bolt [EN 1995-1-1, 10.4.3],
+and two parts meet at a bolt."""
 LEAST_STRAIN = 5e-6  # smallest strain that a sentence reports; a smaller strain would appear as 0.000 %
 
 
@@ -258,7 +262,7 @@ class StripLimits:
     bending : largest bending strain, at `member`.
     shape   : largest strain |K| w^2 / 12 that the Gauss curvature K of the surface causes in a strip of width w.
     limit   : strain at the material's strength; 0 if the preset has none.
-    edge    : mean edge of the mesh (m).    wanted_edge : largest edge of a mesh that is fine enough for drilling (m).
+    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m).
     """
 
     thickness: float
@@ -295,30 +299,38 @@ class StripLimits:
         if self.edge > self.wanted_edge * 1.05:
             lines.append(
                 f"NOT TO DRILL FROM: the mesh is too coarse with edges of {length(self.edge)}, so that holes may be "
-                f"centimetres off; set surface.edge to {self.wanted_edge:.2g} or less"
+                f"{length(HOLE_FIT * (self.edge / self.wanted_edge) ** 2)} off; set surface.edge to "
+                f"{self.wanted_edge:.2g} or less"
             )
         return tuple(lines)
 
 
-def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
+def drilling_edge(graph: MemberGraph) -> float:
+    """Return the largest edge (m) of a mesh whose flat faces change usual bays by at most `HOLE_FIT`; infinite without
+    bending. Edges e change a bay L on a curvature k by up to about L (e k)^2 / 8: a dome's bays by 0.3 mm (0.3 mm by
+    this formula), a tower's by 17 mm (26 mm), beside the same cut lines on a smooth surface."""
+    strips = [member for member in graph.members if is_strip(member)]
+    bends = [np.abs(member.axis.kn[calm_stations(member)]) for member in strips if member.axis is not None]
+    bend = float(np.quantile(np.concatenate(bends), 0.95)) if bends else 0.0  # ignores rare peaks
+    bays = np.concatenate([graph.bays(member.id) for member in strips]) if strips else np.empty(0)
+    return float(np.sqrt(8 * HOLE_FIT / np.median(bays)) / bend) if bend > 0 and len(bays) else np.inf
+
+
+def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, edge: float) -> StripLimits:
     """Return the limits of all strips of a graph on the uncut surface of its pattern.
-    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown."""
+    thickness, edge : of layers and of the mesh, metres.    limit : strain at the material's strength; 0 if unknown."""
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
-    bends, shapes, usual = [0.0], [0.0], list[Floats]()
+    bends, shapes = [0.0], [0.0]
     for member in strips:
         calm = calm_stations(member)
         assert member.axis is not None
-        kn = np.abs(member.axis.kn[calm])
-        usual.append(kn)
-        bends.append(float(kn.max(initial=0.0)))
+        bends.append(float(np.abs(member.axis.kn[calm]).max(initial=0.0)))
         nearest = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
     worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
-    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # ignores rare peaks
-    edge = float(np.sqrt(8 * MESH_TOLERANCE * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
-    return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, float(surface.mean_edge), edge)
+    return StripLimits(thickness, thickness * max(bends) / 2, name, max(shapes), limit, edge, drilling_edge(graph))
 
 
 def calm_stations(member: Member) -> Ints:

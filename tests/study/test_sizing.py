@@ -1,12 +1,15 @@
 """Sizing: the thinnest sheet of the stock that meets the targets, from at most five solves of the cut sheet."""
 
+import json
 import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import dsfab
 from dsfab.app.cli import main
+from dsfab.app.options import Source
 from dsfab.core.errors import PresetError
 from dsfab.core.materials import STOCK
 from dsfab.design import Design
@@ -92,11 +95,17 @@ def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(
     assert f"{written} exists already" in capsys.readouterr().err
 
 
-def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run():
-    preset = vault(sizing__thicknesses=[0.3], sizing__buckling=0)
+def test_a_preset_with_an_open_thickness_is_sized_where_it_is_run_and_not_again_after_a_build(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    preset = vault(sizing__thicknesses=[0.3], sizing__buckling=0, export__formats=["stl"])
+    Path("given.toml").write_text(preset_toml(preset), encoding="utf-8")
     design = run_sized(preset)
-    assert design.has("thickening")
     assert design.preset.statics.thickness == 0.3
+    design.save("outputs/barrel_vault", picture=False)
+    assert json.loads(Path("outputs/barrel_vault/design.json").read_text())["sizing"]["trials"][-1]["thickness"] == 0.3
+    monkeypatch.setattr("dsfab.study.sized_preset", lambda preset: None)
+    assert Source().read_preset("given.toml") == design.preset
+    assert Source(("surface.length=5",)).read_preset("given.toml") is None, "another surface needs sizing again"
     fixed = with_overrides(preset, {"statics.thickness": 0.1})
     assert sized_preset(fixed) is fixed
     assert guessed_preset(fixed) is fixed
