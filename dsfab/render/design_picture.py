@@ -57,15 +57,15 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
     loaded = replace(loaded, caption=f"{design.preset.name} - loads of {force_label(total)}, and supports", look=look)
-    before = f"{judged.outcome}: " if judged.faults else ""
+    before = f"{judged.outcome}: {'; '.join(judged.faults)}" if judged.faults else "cut sheet"
     if judged.stress is None:
         uncoloured = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))
-        faces = Colouring(uncoloured, words=before + "; ".join(judged.faults))
+        faces = Colouring(uncoloured, words=before)
     elif strength:
-        words = f"{before}cut sheet, stress over a strength of {stress_label(strength)}"
+        words = f"{before} - stress over a strength of {stress_label(strength)}"
         faces = utilisation_colouring(judged.stress / strength, words)
     else:
-        words = f"{before}cut sheet, von Mises stress; the preset has no strength to compare with"
+        words = f"{before} - von Mises stress; the preset has no strength to compare with"
         faces = scaled_colouring(judged.stress, stress_label, words)
     return AnalysisPicture(loaded, surface.V, surface.F, faces, _carrying_callouts(judged, palette))
 
