@@ -93,10 +93,10 @@ class BuildPage:
         failed = [line for line in _fabrication_lines(facts) if "fail" in line or line.startswith("narrower")]
         know = [*loses, *refused, *self._know, *failed]
         know += [note.text for note in design.notes if note.stage in USER_STAGES]
-        done = [f"pattern: {facts['pattern']['summary']}"]
-        done += [note.text for note in design.notes if note.stage not in USER_STAGES]
+        changes = [f"pattern: {facts['pattern']['summary']}"]
+        changes += [note.text for note in design.notes if note.stage not in USER_STAGES]
         self._print_list("you should know", know, LINES - 5 - self._count)
-        self._print_list("done for you", done, LINES - 1 - self._count)
+        self._print_list("done for you", changes, LINES - 1 - self._count)
         if verbose:
             self.print_lines(_verbose_lines(design, saved))
         self.print_lines(_file_lines(folder, verbose))

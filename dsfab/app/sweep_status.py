@@ -92,13 +92,15 @@ def list_or_build_run(path: Path, best_count: int | None, by: str | None, number
         print_result(_best_runs_table(sweep, best_count or 0, by))
         return 0
     from dsfab.app.build import Files, build
+    from dsfab.app.build_page import Output
     from dsfab.app.options import Source
 
     changes = next((row.changes for row in sweep.rows() if row.number == number), None)
     if changes is None:
         raise DsfabError(f"{path} has no run {number}; give a number from 1 to {len(sweep.rows())}")
     sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
-    return build(str(path / PRESET), source=Source(sets), files=Files(path / "built" / f"{number:05}"), quiet=quiet)
+    files = Files(path / "built" / f"{number:05}")
+    return build(str(path / PRESET), source=Source(sets), files=files, output=Output(quiet))
 
 
 def _best_runs_table(sweep: SweepFolder, count: int, by: str | None) -> str:

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.messages import length
+from dsfab.core.sparse import solver_name
 from dsfab.design import Design, acting_on, sheet_loads
 from dsfab.design.member_model import member_utilisation
 from dsfab.preset.model import Preset
@@ -33,16 +34,15 @@ from dsfab.statics import (
     sheet_stress,
     stress,
 )
+from dsfab.study.verdict import BUDGET
 from dsfab.study.verdict.estimates import quantile
+from dsfab.study.verdict.levels import memory_needed
 from dsfab.surface import LoadCase, Support, Surface, support_names
 
 if TYPE_CHECKING:
     from dsfab.members.frame import MemberForces
 
 Place = tuple[float, float, float]
-
-USUAL_SPAN_SHARE = 300
-"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
 
 NO_STRENGTH = "the preset has no material and no strength; set statics.material to judge the structure"
 
@@ -169,7 +169,11 @@ def carrying(design: Design) -> Carrying:
 
 
 def _carrying(design: Design) -> Carrying:
-    thickness = design.preset.statics.thickness
+    thickness, surface = design.preset.statics.thickness, design.sheet.surface
+    elements = elements_of("displacement")
+    if memory_needed(elements.unknowns(surface), elements.bending, solver_name()) > BUDGET:
+        why = f"the cut sheet has {surface.m:,} triangles, too many to judge; make the mesh coarser (surface.edge)"
+        return Carrying(thickness, _mass(design, thickness), remarks=(why,))
     try:
         return cut_carrying(cut_statics(design, thickness))
     except StaticsError as error:
@@ -328,7 +332,7 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     net, V = load.force.sum(axis=0), surface.V
     down = net / (np.linalg.norm(net) or 1.0)
     across = V - (V @ down)[:, None] * down
-    half, straight = (float(cKDTree(x[load.supported]).query(x)[0].max()) for x in (across, V))
+    half, straight = (float(np.max(cKDTree(x[load.supported]).query(x)[0])) for x in (across, V))
     if 2 * half < straight:
         return straight, "from a support to the farthest place"
     return 2 * half, f"twice the {length(half)} from the supports to the farthest place"

@@ -11,6 +11,7 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from dsfab.app.build import Files, PictureFlags, build
+from dsfab.app.build_page import Output
 from dsfab.app.options import Source, StepFlags
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
@@ -355,10 +356,10 @@ def test_loops_keep_their_sense_and_pieces_their_holes():
 @pytest.mark.slow
 def test_a_build_reports_the_way_of_its_step_file(tmp_path, inspected):
     how = {"source": Source(("surface.edge=0.08",)), "files": Files(tmp_path, "step"), "pictures": PictureFlags(False)}
-    build("cantilever", **how, quiet=True)
+    build("cantilever", **how, output=Output(quiet=True))
     notes = json.loads((tmp_path / "design.json").read_text())["warnings"]
     assert "export: STEP is planar, its outline within 0.25 mm of the mesh" in notes
-    build("cantilever", **how, step=StepFlags("faceted"), quiet=True)
+    build("cantilever", **how, step=StepFlags("faceted"), output=Output(quiet=True))
     assert "export: STEP is faceted" in json.loads((tmp_path / "design.json").read_text())["warnings"]
 
 

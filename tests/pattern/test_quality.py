@@ -7,6 +7,7 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
+from dsfab.app.build_page import Output
 from dsfab.app.editor.drafts import sheet_figures, tidied_cut
 from dsfab.app.listing import inspect
 from dsfab.app.options import Source
@@ -241,7 +242,8 @@ def test_even_stripes_have_their_width():
 def test_build_and_inspect_report_the_same_openings(tmp_path, capsys):
     folder = tmp_path / "out"
     few = ("surface.edge=0.8", "pattern.keep=0.5")
-    assert build(DOME_MODES, source=Source(few), files=Files(folder, "stl"), pictures=PictureFlags(False)) == 0
+    page = {"pictures": PictureFlags(False), "output": Output(verbose=True)}
+    assert build(DOME_MODES, source=Source(few), files=Files(folder, "stl"), **page) == 0
     told = capsys.readouterr().out.split("\n")
     facts = json.loads((folder / "design.json").read_text())["pattern"]
     lines = list(quality_lines(facts))

@@ -511,10 +511,9 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
     monkeypatch.chdir(tmp_path)
     mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
     words = [word.format(mesh=mesh.name) for word in words]
-    assert (
-        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235", *WIDE])
-        == 0
-    )
+    assert main(
+        ["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235", *WIDE]
+    ) in (0, 5)
     said = capsys.readouterr().out
     assert "springing line 1" in said
     assert "S235" in said
@@ -531,14 +530,14 @@ def test_a_default_format_that_fails_is_left_out(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
     few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out", *WIDE]
-    assert main(["build", "cap.obj", *few]) == 0
-    assert "left out: the STEP file" in capsys.readouterr().err
+    assert main(["build", "cap.obj", *few]) in (0, 5)
+    assert "  left out: the STEP file" in capsys.readouterr().out
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
     assert main(["new", "cap.obj", "-o", "cap.toml"]) == 0
     quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "--no-preview", "-o", "out2", *WIDE]
-    assert main(["build", "cap.toml", *quick]) == 0  # of which a new preset says: soon made, or none
-    assert "left out: " in capsys.readouterr().err
-    assert main(["build", "cap.toml", *quick, "--format", "step"]) == 1
+    assert main(["build", "cap.toml", *quick]) in (0, 5)  # of which a new preset says: soon made, or none
+    assert "  left out: " in capsys.readouterr().out
+    assert main(["build", "cap.toml", *quick, "--format", "step"]) == 4
 
 
 @pytest.mark.slow

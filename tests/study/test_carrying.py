@@ -91,6 +91,13 @@ def test_without_a_strength_nothing_is_judged():
     assert "statics.material" in judged.remarks[0]
 
 
+def test_a_sheet_that_would_need_too_much_memory_is_not_judged(monkeypatch):
+    monkeypatch.setattr("dsfab.study.carrying.BUDGET", 1e4)
+    judged = carrying(strip((0, 0, -1e4)))
+    assert judged.outcome == "not judged"
+    assert "make the mesh coarser" in judged.remarks[0]
+
+
 def test_another_thickness_needs_no_new_design():
     design = strip((0, 0, -1e3))
     thick = cut_carrying(cut_statics(design, 2 * THICKNESS), buckles=False)

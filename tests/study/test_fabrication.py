@@ -377,7 +377,7 @@ def test_the_shape_of_triangles_in_closed_form():
 
 def test_inspect_reads_the_fabrication_report_of_a_build(capsys, tmp_path):
     folder = tmp_path / "out"
-    words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder)]
+    words = ["build", "cantilever", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture", "-o", str(folder), "-v"]
     assert main([*words, "--set", "fabrication.min_member=0.5", "--set", "fabrication.bed=[3,3,3]"]) == 0
     said = capsys.readouterr().out
     facts = json.loads((folder / "design.json").read_text())["fabrication"]

@@ -318,7 +318,9 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
     dust = DUST * max(1.0, float(np.abs([*case.reactions, loads]).max()) / factor)
 
     def line(text: str, force: Any) -> tuple[str, ...]:
-        return (text, *(_force_digits(float(x) / factor, dust) for x in (*force, np.linalg.norm(force))))
+        level = float(np.hypot(*force[:2])) / factor
+        direction = f"{np.degrees(np.arctan2(force[1], force[0])):.0f}" if level > dust else "-"
+        return (text, *(_force_digits(x, dust) for x in (*(np.asarray(force) / factor), level)), direction)
 
     supports = findings.task.preset.surface.support
     names = [escaped_text(support.name) or f"Support {k}" for k, support in enumerate(supports, start=1)]
@@ -327,9 +329,9 @@ def reactions_table(findings: Findings, name: str, number: CaptionNumbers) -> Ta
     note = (
         f"Sum of loads and reactions: {case.imbalance:.0e} of the load. Residual of the equations: {case.residual:.0e}."
     )
-    head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"Size, {unit}")
+    head = ("", *(f"R{axis}, {unit}" for axis in "xyz"), f"H in x and y, {unit}", "Towards, degrees from x")
     caption = f"Reactions{'' if len(findings.cases) == 1 else f', load case {escaped_text(name)}'}."
-    return Table(number.table(caption), head, rows, 1, note, (2, 1, 1, 1, 1), (len(rows) - 2,))
+    return Table(number.table(caption), head, rows, 1, note, (2, 1, 1, 1, 1, 1), (len(rows) - 2,))
 
 
 def rivals_table(findings: Findings, number: CaptionNumbers) -> Table:

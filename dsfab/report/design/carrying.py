@@ -1,13 +1,16 @@
 """Whether a design carries its loads, in words: the verdict, its figures, likely cures, and a table of reactions."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from math import hypot
 from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import length, mass, table
-from dsfab.study.carrying import USUAL_SPAN_SHARE
 
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
+
+USUAL_SPAN_SHARE = 300
+"""A movement over the span by this number is reported [EN 1990, annex A1.4: limits are by agreement; 300 is usual]."""
 
 SHOWN_SUPPORTS = 6
 """Number of supports in a short table of reactions; more would push the rest of a build off the screen."""
@@ -96,7 +99,7 @@ def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
 
 
 def _size(row: Mapping[str, Any]) -> float:
-    return float(row["vertical"] ** 2 + row["thrust"] ** 2) ** 0.5
+    return hypot(row["vertical"], row["thrust"])
 
 
 def _point(place: Sequence[float]) -> str:
