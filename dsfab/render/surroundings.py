@@ -63,8 +63,8 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
     kind: PartKind
     supports = list[SupportPart]()
     for group in groups:
-        own, towards, points = label[lines[:, 0]] == label[group[0]], inner[group], surface.V[group]
-        edges = lines[own & on_rim] if (own & on_rim).any() else lines[own]
+        in_group, towards, points = label[lines[:, 0]] == label[group[0]], inner[group], surface.V[group]
+        edges = lines[in_group & on_rim] if (in_group & on_rim).any() else lines[in_group]
         extent, is_high = _extent(points, up), float((towards @ up).mean()) > STEEP
         kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
         if is_high and not outer[group].any():
