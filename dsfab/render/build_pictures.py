@@ -8,10 +8,11 @@ import numpy as np
 
 from dsfab.core.arrays import Floats, Ints, area_vectors, unit_vectors
 from dsfab.core.errors import DsfabError
+from dsfab.core.messages import length
 from dsfab.render.colouring import Colouring, with_bar
 from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person, render_stage, set_stage
 from dsfab.render.fabrication import Callout, with_callouts
-from dsfab.render.lettering import Legend, Palette, length_label, with_legend
+from dsfab.render.lettering import Legend, Palette, with_legend
 from dsfab.render.light import LightQuality
 from dsfab.render.marks import PENCIL_LENGTH, joint_mesh, pencil, place_beside
 from dsfab.render.picture import Look, StructurePicture
@@ -110,7 +111,7 @@ class ClientPicture:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             page.paste(render_stage(scene, stage, palette, self._main_size, MAIN_LIGHT), (0, 0))
             scale = self._draw_panels(page, scene)
-        words = f"pencil, {length_label(PENCIL_LENGTH)}" if self.is_small else f"person, {PERSON_HEIGHT:g} m"
+        words = f"pencil, {length(PENCIL_LENGTH)}" if self.is_small else f"person, {PERSON_HEIGHT:g} m"
         line = Legend(self.caption, [], scale, ((words, palette.person),))
         return np.asarray(with_legend(page, line, palette, LETTERS))
 

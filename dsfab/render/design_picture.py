@@ -57,16 +57,17 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
     loaded = replace(loaded, caption=f"{design.preset.name} - loads of {force_label(total)}, and supports", look=look)
-    before = f"{judged.outcome}: " if judged.faults else ""
+    buckles = f", buckles at {judged.buckling:.2g} times the load" if judged.buckling else ""
+    before = (judged.outcome if judged.faults else "cut sheet") + buckles
     if judged.stress is None:
         uncoloured = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))
-        faces = Colouring(uncoloured, words=before + "; ".join(judged.faults))
+        faces = Colouring(uncoloured, words="; ".join(judged.faults))
     elif strength:
-        words = f"{before}cut sheet, stress over a strength of {stress_label(strength)}"
-        faces = utilisation_colouring(judged.stress / strength, words)
+        faces = utilisation_colouring(
+            judged.stress / strength, f"{before} - stress over strength {stress_label(strength)}"
+        )
     else:
-        words = f"{before}cut sheet, von Mises stress; the preset has no strength to compare with"
-        faces = scaled_colouring(judged.stress, stress_label, words)
+        faces = scaled_colouring(judged.stress, stress_label, f"{before} - stress; no strength to compare it with")
     return AnalysisPicture(loaded, surface.V, surface.F, faces, _carrying_callouts(judged, palette))
 
 

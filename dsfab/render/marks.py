@@ -215,7 +215,7 @@ def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: flo
     """
     right = unit_vectors(np.cross(side.up, side.towards)[None])[0]
     x, y, front = V @ right * which, V @ np.cross(right, up), np.cross(right, up)
-    gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.3 * float(np.ptp(x))))
+    gap = max(0.03 * float(np.ptp(x)), min(0.6, 0.12 * float(np.ptp(x))))
     depth = (y.min() + y.max()) / 2 + which * 0.25 * np.ptp(y)
     return which * (x.max() + gap) * right + depth * front + level * up, right
 
@@ -224,10 +224,11 @@ PENCIL_LENGTH, PENCIL_WIDTH = 0.175, 0.007  # m
 
 
 def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
-    """Return a pencil that lies on the ground and points away from `foot` (3,). right, up : (3,) unit vectors."""
+    """Return a pencil that lies on the ground near `foot` (3,) and points away. right, up : (3,) unit vectors."""
     slender = PENCIL_WIDTH / PENCIL_LENGTH
     wood = _body_of_revolution([(0.0, 0.0), (0.0, slender / 2), (1 - 3 * slender, slender / 2), (1.0, 0.0)], 6)
-    along = 0.8 * right - 0.6 * np.cross(right, up)
+    front = np.cross(right, up)
+    along, foot = 0.28 * right - 0.96 * front, foot + 0.4 * PENCIL_LENGTH * front
     return _placed_copies(wood, (foot + PENCIL_WIDTH / 2 * up)[None], along[None], np.array([PENCIL_LENGTH]))
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import ConvexHull
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.render.light import frame_towards
 from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
-from dsfab.surface import LoadCase, Surface, half_edges
+from dsfab.surface import LoadCase, Surface
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
@@ -33,7 +33,8 @@ WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
 
 @dataclass(frozen=True, eq=False)
 class SupportPart:
-    """Connected support: its vertices (k,), its boundary edges (e, 2) as vertex indices, and the part that it becomes.
+    """Connected support: its vertices (k,), its boundary edges (e, 2), or all edges if it has no boundary edge, as
+    vertex indices, and the part that it becomes.
     along    : (3,) unit vector from the structure into the part.
     outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure.
     """
@@ -57,12 +58,13 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
     groups = [np.flatnonzero(supported & (label == number)) for number in np.unique(label[supported])]
     side = _open_side(surface, load, groups, up)
     outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
-    borders = np.stack([ends[surface.edges.outline] for ends in half_edges(surface.F)], axis=1)
-    borders = borders[supported[borders].all(axis=1)]
+    inside = supported[surface.edges.ends].all(axis=1)
+    lines, on_rim = surface.edges.ends[inside], surface.edges.boundary[inside]
     kind: PartKind
     supports = list[SupportPart]()
     for group in groups:
-        edges, towards, points = borders[label[borders[:, 0]] == label[group[0]]], inner[group], surface.V[group]
+        in_group, towards, points = label[lines[:, 0]] == label[group[0]], inner[group], surface.V[group]
+        edges = lines[in_group & on_rim] if (in_group & on_rim).any() else lines[in_group]
         extent, is_high = _extent(points, up), float((towards @ up).mean()) > STEEP
         kind, along = "column" if extent < COLUMN_EXTENT * surface.size else "wall", -up
         if is_high and not outer[group].any():

@@ -227,3 +227,14 @@ def test_posts_beside_upright_edges_of_a_wall_are_as_high_as_the_wall():
     posts = stage.bodies[1].V
     assert posts[:, 2].max() == pytest.approx(1.5)  # as wide as the sheet is thick, and beside it
     assert np.abs(posts[:, 0]).min() >= 3.0
+
+
+def test_a_wall_below_an_inner_ring_leaves_its_middle_open():
+    """The ring has no boundary edge; its parts follow the edges between its vertices."""
+    roof = annulus(48, 20, 0.5, 10.0)
+    roof = moved(roof, lambda x, y: 3 + 0 * x)
+    radius = np.linalg.norm(roof.V[:, :2], axis=1)
+    ring = np.isclose(radius, radius[np.argmin(np.abs(radius - 6))])
+    assert [part.kind for part in building_supports(roof, loaded(roof, ring), Z)] == ["wall"]
+    parts = picture(roof, ring).stage.bodies[1].V
+    assert np.linalg.norm(parts[:, :2], axis=1) == pytest.approx(radius[ring][0], abs=0.3)

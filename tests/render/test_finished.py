@@ -110,11 +110,14 @@ def test_the_analysis_names_the_most_used_member_and_a_fault_draws_the_first_pic
     judged = carrying(vault)
     pictures = design_picture.Pictures()
     pictures.add_verdict(vault, judged, tmp_path)
-    pictures.add_verdict(vault, replace(judged, faults=("it buckles",)), tmp_path)
+    pictures.add_verdict(vault, replace(judged, faults=("it buckles",), buckling=0.5), tmp_path)
     assert [path.name for _, path in pictures.pending] == ["analysis.png", "analysis.png", "preview.png"]
     analysis, failed = (data for data, path in pictures.pending if path.name == "analysis.png")
     assert analysis.callouts[0].lines[0].startswith("moves most")
-    assert failed.faces.words == f"does not carry: {analysis.faces.words}"
+    assert analysis.faces.words == "cut sheet - stress; no strength to compare it with"
+    assert (
+        failed.faces.words == "does not carry, buckles at 0.5 times the load - stress; no strength to compare it with"
+    )
     assert len(analysis.faces.face) == vault.sheet.surface.m
     used = replace(judged, use=MemberUse("B7", 1.51, (0.0, 0.0, 1.0), "load", "bending"))
     note = design_picture.analysis_picture(vault, used).callouts[0]
@@ -128,7 +131,7 @@ def test_the_use_of_a_stronger_material_is_smaller_by_its_strength(vault):
     assert judged.stress is not None
     unknown = design_picture.analysis_picture(vault, replace(judged, stress=None, faults=("no part is held",)))
     assert unknown.faces.bar is None
-    assert unknown.faces.words == "does not carry: no part is held"
+    assert unknown.faces.words == "no part is held"
     assert judged.stress.shape == (vault.sheet.surface.m,)
     assert judged.stress.min() >= 0
 
