@@ -190,18 +190,14 @@ def uncrowded_candidate(
     return replace(selected, preset=selected.preset.with_pattern(crowding="note"), notes=(*selected.notes, note))
 
 
-NEARBY = 2.0
-"""Largest distance, over the spacing, from filled openings to a support or load whose `keep` may cover them."""
-
-
 def uncrowded_changes(design: DesignDraft, plate: FilledOpenings) -> Iterator[dict[str, object]]:
-    """Yield up to four changes of [pattern] that may avoid a plate of filled openings: a larger `keep` if a support or
-    load is `NEARBY`, a larger spacing, both families or that of arches alone, and a rotation."""
+    """Yield up to four changes of [pattern] that may avoid a plate of filled openings: a larger `keep` if the plate is
+    within a spacing of kept material, a larger spacing, both families or that of arches alone, and a rotation."""
     options, surface, load = design.preset.pattern, design.surface, design.statics.load
     spacings = {name: getattr(options, name).distance(surface.area, surface.mean_edge) for name in options.family_names}
     distance = np.linalg.norm(surface.V[load.supported | load.loaded] - plate.place, axis=1).min(initial=np.inf)
-    if distance < NEARBY * max(spacings.values()):
-        radius = max(spacings.values()) * np.sqrt(plate.openings / np.pi)
+    radius = max(spacings.values()) * np.sqrt(plate.openings / np.pi)
+    if distance < options.keep + radius + max(spacings.values()):
         yield {"keep": float(f"{max(options.keep, distance) + radius:.2g}")}
     yield {f"{name}.spacing": float(f"{SPACINGS[1] * spacing:.2g}") for name, spacing in spacings.items()}
     arches = [role.key for role in roles_of_families(design) if role.shape == "arches"]

@@ -224,6 +224,9 @@ def solved_layers(
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), requested, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
         jump = width.solid_fraction_tolerance
+        if preset.pattern.families != "both":  # a member with a loose end vanishes as a whole
+            spacing = preset.pattern.drawn_families[0].distance(surface.area, surface.mean_edge)
+            jump = max(jump, width.solid_fraction * spacing / float(np.sqrt(surface.area)))
 
         def solve(share_of: Callable[[float], float]) -> float:
             return solved_factor(share_of, requested, tolerance, slope, bool(guess), jump)

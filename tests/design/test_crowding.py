@@ -80,10 +80,10 @@ def test_up_to_four_changes_are_tried(monkeypatch):
         {"families": "minor"},
         {"rotate": 45.0},
     ]
-    assert changes(monkeypatch, [0.81, 0, 0]) == near[1:]
-    assert changes(monkeypatch, [0.81, 0, 0], rim=0.0) == [near[1], near[3]]
-    assert changes(monkeypatch, [0.81, 0, 0], rotate=30.0) == near[1:3]
-    assert changes(monkeypatch, [0.81, 0, 0], families="minor") == [
+    assert changes(monkeypatch, [1.05, 0, 0]) == near[1:]
+    assert changes(monkeypatch, [1.05, 0, 0], rim=0.0) == [near[1], near[3]]
+    assert changes(monkeypatch, [1.05, 0, 0], rotate=30.0) == near[1:3]
+    assert changes(monkeypatch, [1.05, 0, 0], families="minor") == [
         {"minor.spacing": 0.5},
         {"families": "both"},
         {"rotate": 45.0},

@@ -156,6 +156,7 @@ def _method_controls() -> list[Control]:
                 Control(group, "pattern.forces", "forces", "choice", choices=forces, hint=_FORCES),
                 Control(group, "pattern.weight_rounds", "rounds", "whole", high=2, step=1, hint=_ROUNDS),
                 Control(group, "pattern.rotate", "turn", unit="°", low=-90, high=90, step=1, hint=_TURN),
+                Control(group, "pattern.crowding", "crowding", "choice", choices=("note", "avoid"), hint=_CROWDING),
             )
         ),
     ]
@@ -167,6 +168,7 @@ _HALVE = "Where stripes crowd, every second stripe ends on a crossing member."
 _STRIPE_SYMMETRY = "auto: stripes have all mirrors and turns of surface, supports and loads; none: no symmetry."
 _FORCES = "Stripes follow the forces of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
 _ROUNDS = "How often directions are computed again with the weight of the cut sheet; 0: weight of the uncut sheet."
+_CROWDING = "avoid tries up to four other patterns where openings would be filled side by side."
 _TURN = "Angle between stripes and stress in degrees, for both families; 90 exchanges the families."
 
 
