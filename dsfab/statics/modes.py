@@ -204,8 +204,14 @@ def mass_matrix(surface: Surface, per_area: float, elements: Elements) -> csr_ar
     """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
     per_area : kg/m2. The entries of the corners sum to three times the sheet's mass, once for each of x, y and z."""
     scalar = np.block([[HATS, HAT_BUBBLES], [HAT_BUBBLES.T, BUBBLE_PAIRS]])
-    shapes = np.broadcast_to(per_area * scalar, (surface.m, 6, 6)) * surface.areas[:, None, None]
-    return _on_unknowns(surface, shapes, elements)
+    names = [name for name in BUBBLES if name in elements.on_edges]
+    frames = edge_frames(surface)[surface.edges.of]
+    axes = np.broadcast_to(np.tile(np.eye(3), (3, 1)), (surface.m, 9, 3))
+    direction = np.concatenate([axes, *(frames[:, :, BUBBLES.index(name)] for name in names)], axis=1)
+    function = np.concatenate([np.repeat(np.arange(3), 3), *(np.arange(3, 6) for _ in names)])
+    shapes = per_area * scalar[function][:, function] * surface.areas[:, None, None]
+    blocks = shapes * (direction @ direction.transpose(0, 2, 1))
+    return assemble_blocks(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
 def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
@@ -270,17 +276,6 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
         mean = -4 / 3 * np.roll(slope, -2, axis=2) * share[:, None, :]
         gradients[:, :, :, 9:12] = mean[:, :, None, :] * normal[:, None, :, None]
     return gradients
-
-
-def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:
-    """Return the matrix over all unknowns of a quadratic form, `shapes` (m, 6, 6), that acts on x, y and z alike."""
-    names = [name for name in BUBBLES if name in elements.on_edges]
-    frames = edge_frames(surface)[surface.edges.of]
-    axes = np.broadcast_to(np.tile(np.eye(3), (3, 1)), (surface.m, 9, 3))
-    direction = np.concatenate([axes, *(frames[:, :, BUBBLES.index(name)] for name in names)], axis=1)
-    function = np.concatenate([np.repeat(np.arange(3), 3), *(np.arange(3, 6) for _ in names)])
-    blocks = shapes[:, function][:, :, function] * (direction @ direction.transpose(0, 2, 1))
-    return assemble_blocks(blocks, elements.columns(surface, *names), elements.unknowns(surface))
 
 
 def _largest_eigenpairs(

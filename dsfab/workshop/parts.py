@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, lock, read_only_copy
@@ -251,27 +252,30 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
     """Return a part with the shape of `model`, after half a turn if `turn` is -1; None if they are not near enough."""
     if (np.abs(model.size - part.size) > 2 * distance).any() or bool(len(model.axis)) != bool(len(part.axis)):
         return None
-    turned, own = turn * model.features[1], part.features[1]
-    shift = turned.mean(axis=0) - own.mean(axis=0) if len(own) else np.zeros(2)
-    own, outline = own + shift, part.outline + shift
-    order = np.linalg.norm(own[:, None] - turned, axis=2).argmin(axis=1) if len(own) else np.zeros(0, dtype=np.int64)
-    if len(set(order.tolist())) < len(own) or (np.linalg.norm(own - turned[order], axis=1) > fit).any():
+    holes, model_holes = part.features[1], turn * model.features[1]
+    shift = model_holes.mean(axis=0) - holes.mean(axis=0) if len(holes) else np.zeros(2)
+    between_holes = np.linalg.norm((holes + shift)[:, None] - model_holes, axis=2)
+    rows, order = linear_sum_assignment(between_holes)
+    if (between_holes[rows, order] > fit).any():
         return None
-    if max(_apart(turn * model.outline, outline), _apart(outline, turn * model.outline)) > distance:
+    if _outline_distance(turn * model.outline, part.outline + shift) > distance:
         return None
     # an outline with an axis has its right edge first, so half a turn begins with the other edge
     outline = model.outline if turn == 1 else -np.roll(model.outline, len(model.axis), axis=0)
-    holes = tuple(replace(hole, at=turned[k]) for hole, k in zip(part.holes, order, strict=True))
+    drilled = tuple(replace(hole, at=model_holes[k]) for hole, k in zip(part.holes, order, strict=True))
     marks = tuple(mark + shift for mark in part.marks)
-    return replace(part, outline=outline, holes=holes, marks=marks, axis=turn * model.axis[::turn])
+    return replace(part, outline=outline, holes=drilled, marks=marks, axis=turn * model.axis[::turn])
 
 
-def _apart(P: Floats, Q: Floats) -> float:
-    """Return the largest distance (m) of the corners P (k, 2) from the closed outline Q (l, 2)."""
-    step = np.roll(Q, -1, axis=0) - Q
-    offset = P[:, None] - Q
-    t = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-30), 0, 1)
-    return float(np.linalg.norm(offset - t[..., None] * step, axis=2).min(axis=1).max())
+def _outline_distance(P: Floats, Q: Floats) -> float:
+    """Return the largest distance (m) of the corners of a closed outline, (k, 2) or (l, 2), from the other outline."""
+    largest = 0.0
+    for corners, outline in ((P, Q), (Q, P)):
+        step, offset = np.roll(outline, -1, axis=0) - outline, corners[:, None] - outline
+        t = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-30), 0, 1)
+        away = np.linalg.norm(offset - t[..., None] * step, axis=2).min(axis=1)
+        largest = max(largest, float(away.max()))
+    return largest
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:

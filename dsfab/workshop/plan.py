@@ -331,8 +331,8 @@ def drilling_members(design: Design) -> tuple[MemberGraph, float]:
 
     def members() -> tuple[MemberGraph, float]:
         graph, sheet, edge = design.members, design.sheet, design.surface.mean_edge
-        wanted = int(np.ceil(np.log2(max(edge / drilling_edge(graph), 1.0))))
-        halvings = min(wanted, int(np.log2(max(MOST_FACES / sheet.surface.m, 1.0)) / 2))
+        needed_halvings = int(np.ceil(np.log2(max(edge / drilling_edge(graph), 1.0))))
+        halvings = min(needed_halvings, int(np.log2(max(MOST_FACES / sheet.surface.m, 1.0)) / 2))
         if not halvings:
             return graph, edge
         finer_sheets = meshes(sheet, SmoothSurface.from_surface(design.surface))
