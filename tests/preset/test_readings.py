@@ -116,10 +116,13 @@ def test_the_unit_makes_a_plausible_building(tmp_path, unit, metres):
 
 
 def test_headroom_speaks_against_a_building_that_is_too_low():
-    tall, low = ({unit: share for unit, share in likely_units(Shape(each))} for each in (
-        Surface(MEANT["wall"].surface.V, MEANT["wall"].surface.F),
-        Surface(MEANT["wall"].surface.V * 0.3, MEANT["wall"].surface.F),
-    ))
+    tall, low = (
+        {unit: share for unit, share in likely_units(Shape(each))}
+        for each in (
+            Surface(MEANT["wall"].surface.V, MEANT["wall"].surface.F),
+            Surface(MEANT["wall"].surface.V * 0.3, MEANT["wall"].surface.F),
+        )
+    )
     assert tall["m"] > 0.9
     assert low["m"] < tall["m"]
 

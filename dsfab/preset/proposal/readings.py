@@ -24,6 +24,8 @@ APART = 12.0
 """Largest distance between posts along a strip, metres."""
 BAY = 7.5
 """Usual distance between the columns of a grid, metres."""
+MOST = 200
+"""Largest number of columns, and of posts along a side; a surface with more is no building, or its unit is wrong."""
 SOLE = 0.03
 """A closed surface stands on its vertices within this share of the height above its lowest point."""
 
@@ -108,7 +110,9 @@ def _of_what_it_leaves(shape: Shape, reading: Reading) -> Reading:
     ponds = ponds and reading.word not in ("hollows", "columns")
     sideways = [edge for edge in shape.small if np.hypot(*(neck := shape.neck(edge))[:2]) > max(0.4, abs(neck[2]))]
     left = ponds or (free > 1 and reading.kind in ("roof", "hung"))
-    left = left or (reading.word == "loops" and _edge_form(shape) > WALLS) or (reading.word == "corners" and _masts(shape))
+    left = (
+        left or (reading.word == "loops" and _edge_form(shape) > WALLS) or (reading.word == "corners" and _masts(shape))
+    )
     return replace(reading, form=reading.form * (LEFT if left else 1.0) * (LEFT if len(sideways) > 1 else 1.0))
 
 
@@ -245,7 +249,8 @@ def _sides(shape: Shape) -> Iterator[Reading]:
         yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), form)
     if shape.ratio > STRIP:
         apart = min(1.2 * min(end.length for end in shape.sides[::2]), APART)
-        posts = [post for side in shape.sides[1::2] for post in side.posts(apart, shape.width / 25)]
+        sides = [side for side in shape.sides[1::2] if side.length < MOST * apart]
+        posts = [post for side in sides for post in side.posts(apart, shape.width / 25)]
         yield Reading("posts", "roof", numbered("post", [_along(post) for post in posts]), USUAL * _roof(shape))
 
 
@@ -270,6 +275,8 @@ def _columns(shape: Shape) -> Iterator[Reading]:
         yield Reading("hollows", "roof", places, (DRAWN if rises else USUAL) * _roof(shape))
     low, high = shape.surface.V[:, :2].min(axis=0), shape.surface.V[:, :2].max(axis=0)
     counts = np.maximum(np.round((high - low) / BAY).astype(int), 1)
+    if counts.prod() > MOST:
+        return
     shares = np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count for count in counts)), axis=-1).reshape(-1, 2)
     places = _discs(shape, shape.below(low + (high - low) * shares))
     yield Reading("columns", "roof", places, ANYWHERE * _roof(shape))
