@@ -31,9 +31,9 @@ Stand = Annotated[
     str | None,
     Parameter(
         name="--stand",
-        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring (inner "
-        "edge), edges (both), hung, ends, sides, posts, corners, hollows, columns, base; or a height in metres: the "
-        "edge up to it over its lowest point.",
+        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring "
+        "(inner edge), edges (both), hung, ends, sides, posts, corners, tent, walls, hollows, columns, base; or a "
+        "height in metres: the edge up to it over its lowest point.",
     ),
 ]
 BuiltIn = Annotated[

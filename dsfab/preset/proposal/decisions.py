@@ -109,18 +109,18 @@ def propose(
     else:
         user_mesh = mesh_in_memory(mesh, unit, axis, wishes.stand)
     marks = drawn_marks(user_mesh)
-    drawn = drawn_feet(marks)
-    if not drawn and not wishes.stand:
+    marked = drawn_feet(marks)
+    if not marked and not wishes.stand:
         user_mesh.choice.require_plausible()
-    stands, surface, best = drawn or user_mesh.places, user_mesh.surface, user_mesh.choice.best
-    kind = best.reading.kind
+    stands, surface, winner = marked or user_mesh.places, user_mesh.surface, user_mesh.choice.best
+    kind = winner.reading.kind
     if kind == "roof" and (is_figure(surface) or not takes_snow(surface)):
         kind = "object"
     size = sizes(surface, name)
     is_model = surface.size < MODEL or size.material == "PLA"
     loads = wishes.pressures(kind, is_model)
     size = size.with_feet(surface, [place.points for place in stands], roof=kind == "roof")
-    built_in = wishes.built_in or (best.built_in and not drawn)
+    built_in = wishes.built_in or (winner.built_in and not marked)
     return Proposal(user_mesh, Plan(size, stands, built_in, loads, marks), wishes)
 
 
@@ -150,41 +150,41 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
 
 
 def _stands(proposal: Proposal) -> Decision:
-    stands, best = proposal.plan.stands, proposal.given.choice.best
+    stands, winner = proposal.plan.stands, proposal.given.choice.best
     names = [place.name + (f" ({length(place.length)})" if place.length else "") for place in stands]
     where = ", ".join(names) if len(names) <= LISTED else place_words(stands)
     if "support" in proposal.plan.marks:
         return Decision("stands on", where, "surface.support")
-    topic = "hangs from" if best.reading.kind == "hung" else "stands on"
+    topic = "hangs from" if winner.reading.kind == "hung" else "stands on"
     free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
     built_in = "; built in, so that it cannot turn there" if proposal.plan.built_in else ""
-    tips = "; its middle lies beside them, so the ground must also hold it down" if best.tips else ""
-    others = [each.reading.word for each in proposal.given.choice.others]
-    flag = f", or --stand {', '.join(others)}" if others else ""
+    tips = "; its middle lies beside them, so the ground must also hold it down" if winner.tips else ""
+    alternatives = [candidate.reading.word for candidate in proposal.given.choice.runners_up]
+    flag = f", or --stand {', '.join(alternatives)}" if alternatives else ""
     return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
 
 
 def _questions(proposal: Proposal) -> Iterator[str]:
     """Yield the doubts about the unit, the vertical axis and the supports."""
-    given, choice, best = proposal.given, proposal.given.choice, proposal.given.choice.best
+    mesh, choice, winner = proposal.given, proposal.given.choice, proposal.given.choice.best
     if unit := choice.rival_unit:
-        words = next(decision.choice for decision in given.decisions if decision.topic == "unit")
-        yield f"is {given.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
+        words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")
+        yield f"is {mesh.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
     if "support" in proposal.plan.marks or proposal.wishes.stand:
         return
     for rival in choice.rivals:
-        if rival.up != best.up:
-            words = f"does the axis {best.up} of {given.name} point to the sky, or {rival.up}?"
-            yield f"{words} {best.up} is taken; if that is wrong, add --up {rival.up}"
+        if rival.up != winner.up:
+            words = f"does the axis {winner.up} of {mesh.name} point to the sky, or {rival.up}?"
+            yield f"{words} {winner.up} is taken; if that is wrong, add --up {rival.up}"
         else:
-            names = [place_words(each.reading.places) for each in (best, rival)]
+            names = [place_words(candidate.reading.places) for candidate in (winner, rival)]
             yield (
-                f"is {given.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add --stand "
-                f"{rival.reading.word}"
+                f"is {mesh.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add "
+                f"--stand {rival.reading.word}"
             )
-    if best.score < DOUBT:
+    if winner.score < DOUBT:
         guess = place_words(proposal.plan.stands)
-        yield f"what holds {given.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
+        yield f"what holds {mesh.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:

@@ -64,13 +64,13 @@ def _positive(text: str) -> float:
 
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
     """Return the loads in words: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
-    on = {
+    places = {
         "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, by its slope [EN 1991-1-3, 5.3]",
         "people": "on the plan [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
         "wind": "from both sides [EN 1991-1-4, 7.4]",
     }
-    parts = [f"{name} of {pressure / 1000:g} kPa {on[name]}" for name, pressure in pressures.items()]
+    parts = [f"{name} of {pressure / 1000:g} kPa {places[name]}" for name, pressure in pressures.items()]
     placeholder = ", a placeholder for your local code" if parts else ""
     return " and ".join(["its own weight", *parts]) + placeholder
 
@@ -83,8 +83,8 @@ def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[li
         for name in pressures:
             if name != "wind":
                 yield list(_vertical(surface, name, pressures[name]))
-    for case, way in zip(cases, (1.0, -1.0), strict=False):
-        direction = [float(x) for x in np.round(way * broadside(surface), 3) + 0.0]
+    for case, sign in zip(cases, (1.0, -1.0), strict=False):
+        direction = [float(x) for x in np.round(sign * broadside(surface), 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
         lines = ["[[surface.load]]", 'kind = "wind"', _line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']

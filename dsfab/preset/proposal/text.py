@@ -98,10 +98,10 @@ def _support(surface: Surface, plan: Plan, place: Place) -> list[str]:
 
 def _picker_values(picker: Boundary | Ball | Box) -> Iterator[tuple[str, Any]]:
     yield "pick", picker.pick
-    for each in fields(picker):
-        value = getattr(picker, each.name)
-        if each.name != "pick" and value != each.default:
-            yield each.name, value
+    for key in fields(picker):
+        value = getattr(picker, key.name)
+        if key.name != "pick" and value != key.default:
+            yield key.name, value
 
 
 def _toml(value: Any) -> str:
