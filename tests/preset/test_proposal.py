@@ -21,7 +21,7 @@ from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.design import Design
 from dsfab.design.pattern_measures import cut_error, used_symmetry
 from dsfab.preset.file import load_preset
-from dsfab.preset.proposal import Wishes, preset_for, propose
+from dsfab.preset.proposal import MeshWishes, preset_for, propose
 from dsfab.preset.proposal.judgement import choice
 from dsfab.preset.proposal.reading import possible_axes, preset_name
 from dsfab.preset.proposal.shape import is_figure, is_nearly_closed
@@ -220,7 +220,7 @@ def test_a_funnel_stands_on_a_column_or_hangs_from_its_upper_rim(across):
     assert any(line.startswith("stands on  column") for line in proposal.lines)
     held = proposal.preset.surface.support[0].at.vertices(proposal.preset.surface.build())
     assert 3 <= held.sum() < 0.1 * len(held)
-    hung = propose(funnel, wishes=Wishes(stand="hung"))
+    hung = propose(funnel, wishes=MeshWishes(stand="hung"))
     assert any(line.startswith("hangs from  upper rim") for line in hung.lines)
 
 

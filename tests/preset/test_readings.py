@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.app.cli import main
 from dsfab.core.errors import PresetError
-from dsfab.preset.proposal import Wishes, propose
+from dsfab.preset.proposal import MeshWishes, propose
 from dsfab.preset.proposal.judgement import choice, likely_units
 from dsfab.preset.proposal.shape import Shape
 from dsfab.surface import Boundary, Surface, upright_vertices
@@ -78,13 +78,13 @@ def test_supports_of_the_preset_are_the_places_of_the_reading():
 
 def test_the_user_names_what_holds_a_surface():
     surface = MEANT["groin"].surface
-    assert [place.name for place in propose(surface, wishes=Wishes("edge")).plan.stands] == ["base ring"]
-    low = propose(surface, wishes=Wishes("0.5", built_in=True))
+    assert [place.name for place in propose(surface, wishes=MeshWishes("edge")).plan.stands] == ["base ring"]
+    low = propose(surface, wishes=MeshWishes("0.5", built_in=True))
     assert len(low.plan.stands) == 4
     assert max(place.points[:, 2].max() for place in low.plan.stands) <= surface.V[:, 2].min() + 0.5
     assert all(support.clamp for support in low.preset.surface.support)
     with pytest.raises(PresetError, match="--stand loops: the surface has no such place; use feet, "):
-        propose(surface, wishes=Wishes("loops"))
+        propose(surface, wishes=MeshWishes("loops"))
 
 
 def test_a_sheet_that_nothing_plausible_holds_is_refused():
@@ -141,13 +141,13 @@ def test_a_printed_model_has_no_snow():
 
 
 def test_the_user_names_loads_with_their_values():
-    proposal = propose(dome(edge=0.8), wishes=Wishes(loads=("snow=1.2", "wind")))
+    proposal = propose(dome(edge=0.8), wishes=MeshWishes(loads=("snow=1.2", "wind")))
     assert dict(proposal.plan.loads) == {"snow": 1200.0, "wind": 500.0}
     assert {load.case for load in proposal.preset.surface.load} == {"load", "wind", "wind_back"}
-    assert not propose(dome(edge=0.8), wishes=Wishes(loads=("none",))).plan.loads
+    assert not propose(dome(edge=0.8), wishes=MeshWishes(loads=("none",))).plan.loads
     for text in ("hail", "snow=much", "snow=-1"):
         with pytest.raises(PresetError, match=f"--load {text} is not known"):
-            propose(dome(edge=0.8), wishes=Wishes(loads=(text,)))
+            propose(dome(edge=0.8), wishes=MeshWishes(loads=(text,)))
 
 
 def test_a_part_of_an_edge_survives_another_mesh():

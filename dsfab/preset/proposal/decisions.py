@@ -15,20 +15,20 @@ from dsfab.core.messages import length
 from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.judgement import DOUBT
-from dsfab.preset.proposal.loads import Wishes, load_words, takes_snow
+from dsfab.preset.proposal.loads import MeshWishes, load_words, takes_snow
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
-from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
-from dsfab.preset.proposal.text import SHARE, Plan, place_words, proposal_text
+from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
 OWN = "roof"
 """Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
 LISTED = 4
 """Largest number of supports that are listed by name."""
-NO_WISHES = Wishes()
+NO_WISHES = MeshWishes()
 """dsfab chooses supports and loads."""
 
 
@@ -37,8 +37,8 @@ class Proposal:
     """A preset for a mesh, as text with comments, and the decisions behind it."""
 
     given: UserMesh
-    plan: Plan
-    wishes: Wishes = NO_WISHES
+    plan: ProposedValues
+    wishes: MeshWishes = NO_WISHES
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -77,7 +77,11 @@ class Proposal:
 
 
 def preset_for(
-    mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None, wishes: Wishes = NO_WISHES
+    mesh: Any,
+    unit: str | None = None,
+    up: str | None = None,
+    material: str | None = None,
+    wishes: MeshWishes = NO_WISHES,
 ) -> Preset:
     """Return a preset for the user's own surface; `dsfab new` writes the same preset.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
@@ -97,7 +101,7 @@ def propose(
     material: str | None = None,
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
-    wishes: Wishes = NO_WISHES,
+    wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
     max_triangles : limit for a mesh file, which also limits the time of reading it.
@@ -121,7 +125,7 @@ def propose(
     loads = wishes.pressures(kind, is_model)
     size = size.with_feet(surface, [place.points for place in stands], roof=kind == "roof")
     built_in = wishes.built_in or (winner.built_in and not marked)
-    return Proposal(user_mesh, Plan(size, stands, built_in, loads, marks), wishes)
+    return Proposal(user_mesh, ProposedValues(size, stands, built_in, loads, marks), wishes)
 
 
 def _decisions(proposal: Proposal) -> Iterator[Decision]:
@@ -194,7 +198,7 @@ def _fills(surface: Surface, size: Sizes) -> bool:
     return size.span != side or side > x or plan > 0.5 * x * y
 
 
-def _unsupported_pieces(surface: Surface, stands: tuple[Place, ...]) -> Iterator[Decision]:
+def _unsupported_pieces(surface: Surface, stands: tuple[SupportPlace, ...]) -> Iterator[Decision]:
     count, piece = surface.pieces
     if count == 1 or not stands:
         return

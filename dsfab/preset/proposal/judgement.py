@@ -21,7 +21,7 @@ from dsfab.core.units import GRAVITY, metres_per
 from dsfab.preset.proposal.readings import (
     DRAWN,
     Kind,
-    Reading,
+    SupportReading,
     distinct_readings,
     low_places,
     numbered_places,
@@ -29,8 +29,8 @@ from dsfab.preset.proposal.readings import (
     soles,
 )
 from dsfab.preset.proposal.shape import HEAD, STRIP, Shape, coarse_surface, is_nearly_closed
-from dsfab.statics import PAPER, LoadCase, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
-from dsfab.surface import Surface, Up, upright_vertices
+from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
+from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of the size to the depth of ribs, by kind."""
@@ -56,10 +56,10 @@ UNDER = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Judgement:
+class JudgedReading:
     """A reading with its score, and the figures behind it."""
 
-    reading: Reading
+    reading: SupportReading
     score: float
     up: Up
     built_in: bool = False
@@ -71,10 +71,10 @@ class Judgement:
         return not self.built_in and self.figures.get("steady", 1.0) < 0.5
 
 
-def judgement(shape: Shape, reading: Reading, up: Up = "z", usual: float = 1.0) -> Judgement:
+def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
     """Return a reading of a shape with its score; `usual`: factor for the axis. A sheet that can move scores 0."""
     if reading.kind == "object":
-        return Judgement(reading, DRAWN * usual, up)
+        return JudgedReading(reading, DRAWN * usual, up)
     surface, supported = shape.surface, reading.vertices(shape.surface)
     free = _unheld(surface, supported)
     is_line = len(reading.places) == 1 and bool(
@@ -90,8 +90,8 @@ def judgement(shape: Shape, reading: Reading, up: Up = "z", usual: float = 1.0) 
     try:
         answer = equilibrium(surface, sheet_stiffness(sheet, PAPER), load)
     except DsfabError:
-        return Judgement(reading, 0.0, up)
-    span = 2 * float(cKDTree(surface.V[supported]).query(surface.V)[0].max())
+        return JudgedReading(reading, 0.0, up)
+    span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
         span = min(span, 2 * shape.width)  # a long span is no excuse for a large movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
@@ -103,10 +103,10 @@ def judgement(shape: Shape, reading: Reading, up: Up = "z", usual: float = 1.0) 
     carried = 1 - float(surface.vertex_areas[free].sum()) / surface.area
     score = reading.form / (1 + used**2) * steady * (1 - EDGE * share) * carried * usual
     figures = {"form": reading.form, "used": used, "steady": steady, "held": share}
-    return Judgement(reading, score, up, reading.kind == "wall" or is_line, figures)
+    return JudgedReading(reading, score, up, reading.kind == "wall" or is_line, figures)
 
 
-def _steadiness(shape: Shape, reading: Reading, supported: Bools, upward: Floats, is_line: bool) -> float:
+def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
     """Return 1 for a sheet whose middle is well over its supports, less for one that tips, pulls or swings.
     upward  : reaction at each place, newtons.    is_line : true for one long place, which can be built in."""
     if reading.kind in ("wall", "floor"):
@@ -122,7 +122,7 @@ def _unheld(surface: Surface, supported: Bools) -> Bools:
     """Return the vertices (n,) of the pieces without any supported vertex."""
     piece = np.empty(surface.n, dtype=np.int64)
     piece[surface.F] = surface.pieces[1][:, None]
-    return ~np.isin(piece, piece[supported])
+    return np.asarray(~np.isin(piece, piece[supported]))
 
 
 def _depth(shape: Shape, kind: str) -> float:
@@ -139,15 +139,15 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
     force = surface.vertex_areas[:, None] * (TIMBER.density * GRAVITY * thick) * down
     on_corner = LOAD[kind] * pressure * (surface.areas / 3)[:, None]
     np.add.at(force, surface.F.ravel(), np.repeat(on_corner, 3, axis=0))
-    return force
+    return np.asarray(force)
 
 
-def _upward(reading: Reading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
+def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
     """Return the upward reaction at each place, newtons; a reaction belongs to the nearest place."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
-    return np.bincount(nearest, reaction[rows, 2], len(reading.places))
+    return np.asarray(np.bincount(nearest, reaction[rows, 2], len(reading.places)), dtype=np.float64)
 
 
 def _inside(shape: Shape, supported: Bools) -> float:
@@ -179,18 +179,18 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class SupportChoice:
     """The judged readings of a surface, the best first.
     unit, units : its unit, and how likely each unit is; empty if the unit is known.
     shape       : the coarse shape of the best reading."""
 
-    ranking: tuple[Judgement, ...]
+    ranking: tuple[JudgedReading, ...]
     unit: str
     units: tuple[tuple[str, float], ...]
     shape: Shape
 
     @property
-    def best(self) -> Judgement:
+    def best(self) -> JudgedReading:
         return self.ranking[0]
 
     def require_plausible(self) -> None:
@@ -205,12 +205,12 @@ class Choice:
             )
 
     @property
-    def rivals(self) -> list[Judgement]:
-        """Judgement readings that are close to the best one, at most two."""
+    def rivals(self) -> list[JudgedReading]:
+        """JudgedReading readings that are close to the best one, at most two."""
         return [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score][:2]
 
     @property
-    def runners_up(self) -> list[Judgement]:
+    def runners_up(self) -> list[JudgedReading]:
         """The next best readings with the same axis, at most three."""
         on_axis = [
             candidate for candidate in self.ranking[1:] if candidate.up == self.best.up and candidate.score > LEAST
@@ -223,7 +223,7 @@ class Choice:
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
-def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> Choice:
+def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
     """Return the choice for a surface with edges.
 
     surface : in metres, or in the numbers of its file if the unit is open.
@@ -247,12 +247,12 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     if not ranking:
         raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
     winner = next(candidate for candidate in choices if ranking[0] in candidate[0])
-    return Choice(tuple(ranking), *winner[1:])
+    return SupportChoice(tuple(ranking), *winner[1:])
 
 
-def _readings(shape: Shape, stand: str) -> list[Reading]:
+def _readings(shape: Shape, stand: str) -> list[SupportReading]:
     if shape.is_object:
-        return [Reading("sole", "object", soles(shape.surface), DRAWN)]
+        return [SupportReading("sole", "object", soles(shape.surface), DRAWN)]
     if not stand:
         return distinct_readings(shape)
     try:
@@ -260,15 +260,15 @@ def _readings(shape: Shape, stand: str) -> list[Reading]:
     except ValueError:
         return [reading for reading in readings(shape) if reading.word == stand]
     kind: Kind = "wall" if shape.wall > 0.5 else "floor" if shape.is_floor else "roof"
-    return [Reading(stand, kind, numbered_places("base", low_places(shape, reach)), DRAWN)]
+    return [SupportReading(stand, kind, numbered_places("base", low_places(shape, reach)), DRAWN)]
 
 
-def _no_word(stand: str, candidates: Sequence[Reading]) -> str:
+def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
     words = ", ".join(dict.fromkeys(reading.word for reading in candidates))
     return f"--stand {stand}: the surface has no such place; use {words}, or a height over its lowest point in metres"
 
 
-def _flaw(candidate: Judgement) -> str:
+def _flaw(candidate: JudgedReading) -> str:
     if not candidate.figures:
         return "it would move without resistance"
     flaws = {

@@ -1,11 +1,12 @@
 """Loads of a proposal by the kind of surface: snow, people, services and wind, each a placeholder for a local code."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import PresetError
 from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, one_sided_pieces
@@ -25,7 +26,7 @@ AROUND = 0.3
 
 
 @dataclass(frozen=True)
-class Wishes:
+class MeshWishes:
     """What the user says about a surface of their own, in place of dsfab's choice.
     stand    : word of a reading (feet, loops, edge ...), or a height in metres: the edge up to it is held; "" for none.
     built_in : true if the supports do not let the sheet turn.
@@ -128,7 +129,7 @@ def takes_snow(surface: Surface) -> bool:
     return bool(is_simple or (edge**2 < 16 * surface.area and not is_nearly_closed(surface)))
 
 
-def broadside(surface: Surface) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def broadside(surface: Surface) -> Floats:
     """Return the horizontal unit vector (3,) across which a surface shows the largest area."""
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
@@ -136,5 +137,5 @@ def broadside(surface: Surface) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _goes_around(surface: Surface) -> bool:
-    total: Sequence[float] = surface.areas @ surface.normals
+    total = surface.areas @ surface.normals
     return bool(np.hypot(total[0], total[1]) < AROUND * surface.area)

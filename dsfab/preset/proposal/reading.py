@@ -14,8 +14,8 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
-from dsfab.preset.proposal.judgement import Choice, choice
-from dsfab.preset.proposal.readings import SOLE, Place, soles
+from dsfab.preset.proposal.judgement import SupportChoice, choice
+from dsfab.preset.proposal.readings import SOLE, SupportPlace, soles
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
@@ -63,7 +63,7 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
         return {stablest if score[stablest] > _standing(surface.V, surface) + clear else "z": 1.0}
     if usual == "y":
         return {"y": 1.0, "z": Y_UP}
-    return {"z": 1.0, "y": y} | ({"-y": y} if below else {})
+    return {"z": 1.0, "y": y, "-y": y} if below else {"z": 1.0, "y": y}
 
 
 def _standing(V: Floats, surface: Surface) -> float:
@@ -124,8 +124,8 @@ class UserMesh:
     name: str
     keys: dict[str, Any]
     decisions: tuple[Decision, ...]
-    choice: Choice
-    places: tuple[Place, ...]
+    choice: SupportChoice
+    places: tuple[SupportPlace, ...]
     repaired: tuple[str, ...] = ()
 
 
@@ -144,16 +144,14 @@ def mesh_in_file(
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
-    better = mended_raw_mesh(raw, scan, usual)
-    file_surface = surface_of_file(path, better, usual)
+    file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, usual), usual)
     surface = file_surface.surface
     is_open = unit is None and raw.unit is None and not is_figure(surface)
     axes = {up: 1.0} if up else possible_axes(surface, path.suffix, raw.up)
     numbers = Surface(surface.V / metres_per(usual), surface.F) if is_open else surface
     chosen = choice(numbers, axes, "" if is_open else usual, stand)
     if chosen.unit != usual:
-        better = mended_raw_mesh(raw, scan, chosen.unit)
-        file_surface = surface_of_file(path, better, chosen.unit)
+        file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, chosen.unit), chosen.unit)
         surface = file_surface.surface
     keys: dict[str, Any] = {"file": str(path), "unit": chosen.unit}
     if max_triangles is not None:
@@ -192,7 +190,7 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
     yield from (Decision("sheets", remark) for remark in parallel_remarks(mesh.surface.V, mesh.surface.F))
 
 
-def _places(surface: Surface, chosen: Choice, origin: Floats) -> tuple[Place, ...]:
+def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
     """Return the chosen supports in the coordinates of the surface; those of a closed one are parts of its own mesh."""
     reading = chosen.best.reading
     return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
@@ -223,7 +221,7 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None, stand: str = "") 
     return UserMesh(surface, "roof", {"mesh": surface}, (*decisions, turned), chosen, places)
 
 
-def _with_z_up(surface: Surface, chosen: Choice, option: Up | None) -> tuple[Surface, Decision]:
+def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tuple[Surface, Decision]:
     up = chosen.best.up
     turned = surface if up == "z" else Surface(upright_vertices(surface.V, up), surface.F)
     change = f"surface.up, or --up {'y' if up == 'z' else 'z'}"
@@ -254,7 +252,7 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
-def _unit_words(surface: Surface, chosen: Choice, declared: str | None, option: str | None) -> str:
+def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
     """Return the decision on the unit: the size of the surface, and its size in other likely units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
     words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"

@@ -112,7 +112,7 @@ class Edge:
         height : of the surface.    shortest : least length of a stretch (m); it grows on its lower side first."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
-        for top, depth in zip(tops - n, facts["prominences"], strict=True):
+        for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
             if not 0 <= top < n:
                 continue
             profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
@@ -269,8 +269,8 @@ class Shape:
 
     def below(self, plan: Floats) -> Floats:
         """Return the vertices (k, 3) nearest in plan to points (j, 2), without those that the sheet does not cover."""
-        away, vertex = cKDTree(self.surface.V[:, :2]).query(plan)
-        return self.surface.V[vertex[away < 0.05 * self.width]]
+        away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
+        return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
     @cached_property
     def is_object(self) -> bool:
