@@ -49,7 +49,11 @@ def strip(place: Callable, long: int, across: int, around: bool = False, gone: C
 
 def platform_roof(length: float, width: float, bend: float = 0.0, lift: float = 0.6) -> Meant:
     def place(u, v):
-        return length * u, width * (v - 0.5) + bend * np.sin(2.5 * u), 4 + lift * (2 * v - 1) ** 2 + 0.15 * np.sin(4 * u)
+        return (
+            length * u,
+            width * (v - 0.5) + bend * np.sin(2.5 * u),
+            4 + lift * (2 * v - 1) ** 2 + 0.15 * np.sin(4 * u),
+        )
 
     return Meant(strip(place, round(length), 8), "posts sides")
 
@@ -74,7 +78,9 @@ def _near(x, y, places):
 
 
 def _places(along: int, across: int, apart: float):
-    return [((i - (along - 1) / 2) * apart, (j - (across - 1) / 2) * apart) for i in range(along) for j in range(across)]
+    return [
+        ((i - (along - 1) / 2) * apart, (j - (across - 1) / 2) * apart) for i in range(along) for j in range(across)
+    ]
 
 
 def hall(along: int, across: int, apart: float, drop: float) -> Meant:
@@ -123,7 +129,9 @@ def vault(length: float, width: float, rise: float) -> Meant:
 
 
 def groin(length: float, width: float, rise: float) -> Meant:
-    return Meant(sheet(lambda x, y: rise * (1 - (2 * x / length) ** 2 * (2 * y / width) ** 2), length, width, 0.5), "feet")
+    return Meant(
+        sheet(lambda x, y: rise * (1 - (2 * x / length) ** 2 * (2 * y / width) ** 2), length, width, 0.5), "feet"
+    )
 
 
 def pavilion(feet: int, reach: float, rise: float, slope: float = 0.0, toe: float = 1.5) -> Meant:
@@ -148,7 +156,8 @@ def sail(side: float, lift: float) -> Meant:
 
 def hills(length: float, width: float, height: float) -> Meant:
     return Meant(
-        sheet(lambda x, y: 5 + height * np.sin(x / 2.7 + 1) * np.cos(y / 2.9 + 0.3), length, width, 0.8), "hollows columns"
+        sheet(lambda x, y: 5 + height * np.sin(x / 2.7 + 1) * np.cos(y / 2.9 + 0.3), length, width, 0.8),
+        "hollows columns",
     )
 
 
@@ -213,7 +222,11 @@ def j_shelter(length: float, height: float, reach: float) -> Meant:
 
     def place(u, v):
         a = np.pi * 0.62 * v
-        return length * u, reach * (1 - np.cos(a)) * 0.75, height * np.sin(np.minimum(a, np.pi / 2)) - 0.4 * np.maximum(v - 0.8, 0)
+        return (
+            length * u,
+            reach * (1 - np.cos(a)) * 0.75,
+            height * np.sin(np.minimum(a, np.pi / 2)) - 0.4 * np.maximum(v - 0.8, 0),
+        )
 
     return Meant(strip(place, 24, 16), "feet base")
 

@@ -142,7 +142,7 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
     from dsfab.preset.proposal import propose
 
     try:
-        proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw)
+        proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw, source.wishes)
     except (SurfaceError, PresetError) as error:
         return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
     choices = {decision.topic: decision.choice for decision in proposal.decisions}

@@ -2,29 +2,39 @@
 
 import os
 import shlex
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import BuiltIn, LoadWish, MaxTriangles, Source, Stand, Unit, Up
+from dsfab.app.options import NO_MESH_FLAGS, MaxTriangles, MeshFlags, Unit, Up
 from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import PresetError
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class PresetFile:
+    """File of the preset."""
+
+    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file to write [NAME.toml].")] = None
+    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False
+
+
+PRESET_FILE = PresetFile()  # The default file of a preset.
 
 
 def new(
     mesh: Path,
     /,
     *,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file to write [NAME.toml].")] = None,
+    file: PresetFile = PRESET_FILE,
     unit: Unit = None,
     up: Up = None,
     max_triangles: MaxTriangles = None,
     material: Annotated[str | None, Parameter(help="Material; `dsfab materials` lists names.")] = None,
-    stand: Stand = None,
-    built_in: BuiltIn = False,
-    load: LoadWish = (),
-    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
+    flags: MeshFlags = NO_MESH_FLAGS,
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
@@ -41,10 +51,9 @@ def new(
 
     if mesh.suffix == ".toml":
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
-    wishes = Source(stand=stand, built_in=built_in, load=load).wishes
-    proposal = propose(mesh, unit, up, material, max_triangles, wishes=wishes)
-    target = output or Path(f"{proposal.given.name}.toml")
-    require_new_preset_file(target, force)
+    proposal = propose(mesh, unit, up, material, max_triangles, wishes=flags.wishes)
+    target = file.output or Path(f"{proposal.given.name}.toml")
+    require_new_preset_file(target, file.force)
     text = proposal.text(_relative_path(target, mesh))
     with atomic_file(target) as path:
         path.write_text(text, encoding="utf-8")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from dsfab.design.design import Design
     from dsfab.export import Estimate
     from dsfab.preset.model import Preset
-    from dsfab.preset.proposal import Proposal, Wishes
+    from dsfab.preset.proposal import MeshWishes, Proposal
 
 
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
@@ -26,27 +26,6 @@ Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Pri
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
 Up = Annotated[
     str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
-]
-Stand = Annotated[
-    str | None,
-    Parameter(
-        name="--stand",
-        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring (inner "
-        "edge), edges (both), hung, ends, sides, posts, corners, hollows, columns, base; or a height in metres: the "
-        "edge up to it over its lowest point.",
-    ),
-]
-BuiltIn = Annotated[
-    bool, Parameter(name="--built-in", negative=(), help="The supports of a mesh do not let it turn there.")
-]
-LoadWish = Annotated[
-    tuple[str, ...],
-    Parameter(
-        name="--load",
-        negative=(),
-        help="Load of a mesh besides its weight: snow, wind, people, services or none; with a value in kPa: snow=1.2 "
-        "(repeatable).",
-    ),
 ]
 MaxTriangles = Annotated[
     int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
@@ -92,9 +71,52 @@ def built_folder(name: str) -> Path | None:
     return folder
 
 
+Stand = Annotated[
+    str | None,
+    Parameter(
+        name="--stand",
+        help="What holds a mesh, if dsfab should not choose: feet, loops (column heads), edge (all around), ring "
+        "(inner edge), edges (both), hung, ends, sides, posts, corners, tent, walls, hollows, columns, base; or a "
+        "height in metres: the edge up to it over its lowest point.",
+    ),
+]
+BuiltIn = Annotated[
+    bool, Parameter(name="--built-in", negative=(), help="The supports of a mesh do not let it turn there.")
+]
+LoadWish = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--load",
+        negative=(),
+        help="Load of a mesh besides its weight: snow, wind, people, services or none; with a value in kPa: snow=1.2 "
+        "(repeatable).",
+    ),
+]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class MeshFlags:
+    """Options for supports and loads of a mesh."""
+
+    stand: Stand = None
+    built_in: BuiltIn = False
+    load: LoadWish = ()
+
+    @property
+    def wishes(self) -> "MeshWishes":
+        """What the user says about supports and loads of a mesh."""
+        from dsfab.preset.proposal import MeshWishes
+
+        return MeshWishes(self.stand or "", self.built_in, self.load)
+
+
+NO_MESH_FLAGS = MeshFlags()  # dsfab chooses supports and loads.
+
+
 @Parameter(name="*")
 @dataclass(frozen=True)
-class Source:
+class Source(MeshFlags):
     """Changes of a preset on the command line."""
 
     set_: Set = ()
@@ -102,9 +124,6 @@ class Source:
     unit: Unit = None
     up: Up = None
     max_triangles: MaxTriangles = None
-    stand: Stand = None
-    built_in: BuiltIn = False
-    load: LoadWish = ()
 
     def read_preset(
         self, name: str, proposal: "Proposal | None" = None, thickness: Literal["sized", "guessed", "open"] = "sized"
@@ -148,13 +167,6 @@ class Source:
         material = self.overrides().get("statics.material")
         material = material if isinstance(material, str) else None
         return propose(Path(mesh_file), self.unit, self.up, material, self.max_triangles, wishes=self.wishes)
-
-    @property
-    def wishes(self) -> "Wishes":
-        """What the user says about supports and loads of a mesh."""
-        from dsfab.preset.proposal import Wishes
-
-        return Wishes(self.stand or "", self.built_in, self.load)
 
     def _require_no_wishes(self, name: str) -> None:
         if self.stand or self.built_in or self.load:

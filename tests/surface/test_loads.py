@@ -24,11 +24,30 @@ from dsfab.surface import (
     Pressure,
     SelfWeight,
     Side,
+    Snow,
     Support,
     Surface,
     Vertices,
 )
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
+
+
+@pytest.mark.parametrize(
+    ("slope", "factor"), [(0, 0.8), (15, 0.8), (30, 0.8), (40, 0.8 * 20 / 30), (45, 0.4), (55, 0.8 * 5 / 30), (60, 0.0)]
+)
+def test_snow_with_a_shape_factor_follows_the_table_of_the_code(slope, factor):
+    """A plate at a slope carries mu_1 s_k on its plan [EN 1991-1-3, table 5.2], and a vertical wall none."""
+    a, flat = np.radians(slope), plate(length=2.0, width=3.0, edge=0.5)
+    x, y, _ = flat.V.T
+    roof = Surface(np.stack([x * np.cos(a), y, x * np.sin(a)], axis=1), flat.F)
+    if factor == 0:
+        with pytest.raises(SurfaceError, match="steeper than 60 degrees"):
+            Snow(1000.0, shape="mu1").forces(roof, 0.0)
+        return
+    total = Snow(1000.0, shape="mu1").forces(roof, 0.0).sum(axis=0)
+    assert_allclose(total, [0, 0, -1000 * factor * 6 * np.cos(a)], atol=1e-6)
+    assert_allclose(total, factor * Snow(1000.0, kind="imposed").forces(roof, 0.0).sum(axis=0), atol=1e-6)
+
 
 FEET = Support(Side("z", "min"))
 ZOO = {name: make(edge=2.5 * make().mean_edge) for name, make in SHAPES.items() if name not in FIGURES}

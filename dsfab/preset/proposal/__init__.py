@@ -7,14 +7,14 @@ marks      marks on layers of the user's file                       text       t
 decisions  the whole proposal"""
 
 from dsfab.preset.proposal.decisions import OWN, Proposal, preset_for, propose
-from dsfab.preset.proposal.loads import Wishes
+from dsfab.preset.proposal.loads import MeshWishes
 from dsfab.preset.proposal.reading import Decision, preset_name, size_doubt, sizes_in_other_units
 
 __all__ = [
     "OWN",
     "Decision",
+    "MeshWishes",
     "Proposal",
-    "Wishes",
     "preset_for",
     "preset_name",
     "propose",

@@ -15,20 +15,20 @@ from dsfab.core.messages import length
 from dsfab.preset.file import preset_from
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.judgement import DOUBT
-from dsfab.preset.proposal.loads import Wishes, load_words, takes_snow
+from dsfab.preset.proposal.loads import MeshWishes, load_words, takes_snow
 from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.preset.proposal.reading import Decision, UserMesh, mesh_in_file, mesh_in_memory, vertical_axis
-from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
-from dsfab.preset.proposal.text import SHARE, Plan, place_words, proposal_text
+from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
 OWN = "roof"
 """Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
 LISTED = 4
 """Largest number of supports that are listed by name."""
-NO_WISHES = Wishes()
+NO_WISHES = MeshWishes()
 """dsfab chooses supports and loads."""
 
 
@@ -37,8 +37,8 @@ class Proposal:
     """A preset for a mesh, as text with comments, and the decisions behind it."""
 
     given: UserMesh
-    plan: Plan
-    wishes: Wishes = NO_WISHES
+    plan: ProposedValues
+    wishes: MeshWishes = NO_WISHES
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
@@ -77,7 +77,11 @@ class Proposal:
 
 
 def preset_for(
-    mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None, wishes: Wishes = NO_WISHES
+    mesh: Any,
+    unit: str | None = None,
+    up: str | None = None,
+    material: str | None = None,
+    wishes: MeshWishes = NO_WISHES,
 ) -> Preset:
     """Return a preset for the user's own surface: that of `dsfab new`, with a first guess of the thickness.
     mesh     : the path of a mesh file, a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces (m, 3).
@@ -98,7 +102,7 @@ def propose(
     material: str | None = None,
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
-    wishes: Wishes = NO_WISHES,
+    wishes: MeshWishes = NO_WISHES,
 ) -> Proposal:
     """Return the proposal with its text and decisions; see `preset_for`.
     max_triangles : limit for a mesh file, which also limits the time of reading it.
@@ -110,19 +114,19 @@ def propose(
     else:
         user_mesh = mesh_in_memory(mesh, unit, axis, wishes.stand)
     marks = drawn_marks(user_mesh)
-    drawn = drawn_feet(marks)
-    if not drawn and not wishes.stand:
+    marked = drawn_feet(marks)
+    if not marked and not wishes.stand:
         user_mesh.choice.require_plausible()
-    stands, surface, best = drawn or user_mesh.places, user_mesh.surface, user_mesh.choice.best
-    kind = best.reading.kind
+    stands, surface, winner = marked or user_mesh.places, user_mesh.surface, user_mesh.choice.best
+    kind = winner.reading.kind
     if kind == "roof" and (is_figure(surface) or not takes_snow(surface)):
         kind = "object"
     size = sizes(surface, name)
     is_model = surface.size < MODEL or size.material == "PLA"
     loads = wishes.pressures(kind, is_model)
     size = size.with_feet(surface, [place.points for place in stands], roof=kind == "roof")
-    built_in = wishes.built_in or (best.built_in and not drawn)
-    return Proposal(user_mesh, Plan(size, stands, built_in, loads, marks), wishes)
+    built_in = wishes.built_in or (winner.built_in and not marked)
+    return Proposal(user_mesh, ProposedValues(size, stands, built_in, loads, marks), wishes)
 
 
 def _decisions(proposal: Proposal) -> Iterator[Decision]:
@@ -151,41 +155,41 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
 
 
 def _stands(proposal: Proposal) -> Decision:
-    stands, best = proposal.plan.stands, proposal.given.choice.best
+    stands, winner = proposal.plan.stands, proposal.given.choice.best
     names = [place.name + (f" ({length(place.length)})" if place.length else "") for place in stands]
     where = ", ".join(names) if len(names) <= LISTED else place_words(stands)
     if "support" in proposal.plan.marks:
         return Decision("stands on", where, "surface.support")
-    topic = "hangs from" if best.reading.kind == "hung" else "stands on"
+    topic = "hangs from" if winner.reading.kind == "hung" else "stands on"
     free = "; other edges and openings are free" if any(place.length for place in stands) else ", its lowest part"
     built_in = "; built in, so that it cannot turn there" if proposal.plan.built_in else ""
-    tips = "; its middle lies beside them, so the ground must also hold it down" if best.tips else ""
-    others = [each.reading.word for each in proposal.given.choice.others]
-    flag = f", or --stand {', '.join(others)}" if others else ""
+    tips = "; its middle lies beside them, so the ground must also hold it down" if winner.tips else ""
+    alternatives = [candidate.reading.word for candidate in proposal.given.choice.runners_up]
+    flag = f", or --stand {', '.join(alternatives)}" if alternatives else ""
     return Decision(topic, where + free + built_in + tips, "surface.support" + flag)
 
 
 def _questions(proposal: Proposal) -> Iterator[str]:
     """Yield the doubts about the unit, the vertical axis and the supports."""
-    given, choice, best = proposal.given, proposal.given.choice, proposal.given.choice.best
+    mesh, choice, winner = proposal.given, proposal.given.choice, proposal.given.choice.best
     if unit := choice.rival_unit:
-        words = next(decision.choice for decision in given.decisions if decision.topic == "unit")
-        yield f"is {given.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
+        words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")
+        yield f"is {mesh.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
     if "support" in proposal.plan.marks or proposal.wishes.stand:
         return
     for rival in choice.rivals:
-        if rival.up != best.up:
-            words = f"does the axis {best.up} of {given.name} point to the sky, or {rival.up}?"
-            yield f"{words} {best.up} is taken; if that is wrong, add --up {rival.up}"
+        if rival.up != winner.up:
+            words = f"does the axis {winner.up} of {mesh.name} point to the sky, or {rival.up}?"
+            yield f"{words} {winner.up} is taken; if that is wrong, add --up {rival.up}"
         else:
-            names = [place_words(each.reading.places) for each in (best, rival)]
+            names = [place_words(candidate.reading.places) for candidate in (winner, rival)]
             yield (
-                f"is {given.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add --stand "
-                f"{rival.reading.word}"
+                f"is {mesh.name} held by {names[0]}, or by {names[1]}? the first is taken; if that is wrong, add "
+                f"--stand {rival.reading.word}"
             )
-    if best.score < DOUBT:
+    if winner.score < DOUBT:
         guess = place_words(proposal.plan.stands)
-        yield f"what holds {given.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
+        yield f"what holds {mesh.name}? {guess}: a guess; if it is wrong, name what holds it with --stand"
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
@@ -195,7 +199,7 @@ def _fills(surface: Surface, size: Sizes) -> bool:
     return size.span != side or side > x or plan > 0.5 * x * y
 
 
-def _unsupported_pieces(surface: Surface, stands: tuple[Place, ...]) -> Iterator[Decision]:
+def _unsupported_pieces(surface: Surface, stands: tuple[SupportPlace, ...]) -> Iterator[Decision]:
     count, piece = surface.pieces
     if count == 1 or not stands:
         return

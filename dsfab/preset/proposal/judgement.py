@@ -2,7 +2,7 @@
 
 The shape chooses, the statics have a veto. Score of a reading = form x carries x steady x free:
 
-form    : how far the shape says that it is held there (see `readings`).
+form    : how far the shape says that it is supported there (see `readings`).
 carries : 1 / (1 + u^2), where u is the larger of movement over `LIMIT` times the span and stress over strength. A
           coarse sheet of a usual depth carries its weight and the usual load of its kind.
 steady  : the middle of the sheet is over what it stands on, and nothing pulls on the ground.
@@ -21,16 +21,16 @@ from dsfab.core.units import GRAVITY, metres_per
 from dsfab.preset.proposal.readings import (
     DRAWN,
     Kind,
-    Reading,
+    SupportReading,
     distinct_readings,
     low_places,
-    numbered,
+    numbered_places,
     readings,
     soles,
 )
 from dsfab.preset.proposal.shape import HEAD, STRIP, Shape, coarse_surface, is_nearly_closed
-from dsfab.statics import PAPER, LoadCase, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
-from dsfab.surface import Surface, Up, upright_vertices
+from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
+from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
 DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of the size to the depth of ribs, by kind."""
@@ -56,10 +56,10 @@ UNDER = 0.7
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedReading:
     """A reading with its score, and the figures behind it."""
 
-    reading: Reading
+    reading: SupportReading
     score: float
     up: Up
     built_in: bool = False
@@ -71,64 +71,63 @@ class Judged:
         return not self.built_in and self.figures.get("steady", 1.0) < 0.5
 
 
-def judged(shape: Shape, reading: Reading, up: Up = "z", usual: float = 1.0) -> Judged:
+def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float = 1.0) -> JudgedReading:
     """Return a reading of a shape with its score; `usual`: factor for the axis. A sheet that can move scores 0."""
     if reading.kind == "object":
-        return Judged(reading, DRAWN * usual, up)
-    surface, held = shape.surface, reading.held(shape.surface)
-    free = _unheld(surface, held)
-    is_line = len(reading.places) == 1 and np.linalg.norm(np.ptp(surface.V[held], axis=0)) > 0.5 * shape.width
-    rows = held
+        return JudgedReading(reading, DRAWN * usual, up)
+    surface, supported = shape.surface, reading.vertices(shape.surface)
+    free = _unheld(surface, supported)
+    is_line = len(reading.places) == 1 and bool(
+        np.linalg.norm(np.ptp(surface.V[supported], axis=0)) > 0.5 * shape.width
+    )
+    rows = supported
     if reading.kind in ("wall", "floor") or reading.word in ("edge", "edges", "ring") or is_line:
-        rows = held | np.isin(np.arange(surface.n), surface.F[held[surface.F].sum(axis=1) >= 2])
+        rows = supported | np.isin(np.arange(surface.n), surface.F[supported[surface.F].sum(axis=1) >= 2])
     thick = _depth(shape, reading.kind)
     sheet = SheetModel(surface, TIMBER, thick)
     fixed = np.repeat((rows | free)[:, None], 3, axis=1)
-    load = LoadCase(fixed, _forces(shape, reading.kind, thick), np.zeros(surface.n, bool))
+    load = LoadCase(fixed, _forces(shape, reading.kind, thick), np.zeros(surface.n, dtype=bool))
     try:
         answer = equilibrium(surface, sheet_stiffness(sheet, PAPER), load)
     except DsfabError:
-        return Judged(reading, 0.0, up)
-    span = 2 * float(cKDTree(surface.V[held]).query(surface.V)[0].max())
+        return JudgedReading(reading, 0.0, up)
+    span = 2 * float(np.max(cKDTree(surface.V[supported]).query(surface.V)[0]))
     if reading.kind in ("roof", "hung"):
         span = min(span, 2 * shape.width)  # a long span is no excuse for a large movement
     moved = float(np.quantile(lengths(answer.u), 0.99))
     stress = weighted_quantile(sheet_stress(sheet, PAPER, answer).largest, surface.areas, 0.9)
     used = max(moved / (LIMIT * span), stress / STRENGTH)
-    up_force = _upward(reading, surface, rows, answer.reaction)
-    pull = float(-np.minimum(up_force, 0).sum() / max(np.abs(up_force).sum(), 1e-12))
-    steady = float(np.clip(0.5 + _inside(shape, held) / (0.2 * shape.width), 0.05, 1) * (1 - pull))
-    if reading.kind in ("wall", "floor"):
-        steady = 1.0
-    elif is_line:
-        steady = max(steady, 0.5)
-    if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
-        steady = 0.3
-    ends = surface.edges.ends
+    steady = _steadiness(shape, reading, supported, _upward(reading, surface, rows, answer.reaction), is_line)
     rim = surface.edge_lengths * surface.edges.boundary
-    share = float(rim[held[ends].all(axis=1)].sum() / rim.sum())
-    score = (
-        reading.form
-        / (1 + used**2)
-        * steady
-        * (1 - EDGE * share)
-        * usual
-        * (1 - surface.vertex_areas[free].sum() / surface.area)
-    )
-    figures = {"form": reading.form, "used": used, "moved": moved, "span": span, "steady": steady, "held": share}
-    return Judged(reading, score, up, reading.kind == "wall" or bool(is_line), figures)
+    share = float(rim[supported[surface.edges.ends].all(axis=1)].sum() / rim.sum())
+    carried = 1 - float(surface.vertex_areas[free].sum()) / surface.area
+    score = reading.form / (1 + used**2) * steady * (1 - EDGE * share) * carried * usual
+    figures = {"form": reading.form, "used": used, "steady": steady, "held": share}
+    return JudgedReading(reading, score, up, reading.kind == "wall" or is_line, figures)
 
 
-def _unheld(surface: Surface, held: Bools) -> Bools:
-    """Return the vertices (n,) of the pieces without any held vertex."""
+def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
+    """Return 1 for a sheet whose middle is well over its supports, less for one that tips, pulls or swings.
+    upward  : reaction at each place, newtons.    is_line : true for one long place, which can be built in."""
+    if reading.kind in ("wall", "floor"):
+        return 1.0
+    if reading.kind == "hung" and len(reading.places) == 1 and reading.places[0].name != "upper rim":
+        return 0.3
+    pull = float(-np.minimum(upward, 0).sum() / max(np.abs(upward).sum(), 1e-12))
+    steady = float(np.clip(0.5 + _inside(shape, supported) / (0.2 * shape.width), 0.05, 1) * (1 - pull))
+    return max(steady, 0.5) if is_line else steady
+
+
+def _unheld(surface: Surface, supported: Bools) -> Bools:
+    """Return the vertices (n,) of the pieces without any supported vertex."""
     piece = np.empty(surface.n, dtype=np.int64)
     piece[surface.F] = surface.pieces[1][:, None]
-    return ~np.isin(piece, piece[held])
+    return np.asarray(~np.isin(piece, piece[supported]))
 
 
 def _depth(shape: Shape, kind: str) -> float:
     long = shape.sides[1].length if shape.ratio > STRIP else shape.width
-    size = {"floor": long, "wall": min(shape.height, shape.width, 0.4 * DEEP["wall"])}.get(kind, shape.width)
+    size = {"floor": long, "wall": min(shape.rise, shape.width, 0.4 * DEEP["wall"])}.get(kind, shape.width)
     return size / DEEP[kind]
 
 
@@ -140,21 +139,21 @@ def _forces(shape: Shape, kind: str, thick: float) -> Floats:
     force = surface.vertex_areas[:, None] * (TIMBER.density * GRAVITY * thick) * down
     on_corner = LOAD[kind] * pressure * (surface.areas / 3)[:, None]
     np.add.at(force, surface.F.ravel(), np.repeat(on_corner, 3, axis=0))
-    return force
+    return np.asarray(force)
 
 
-def _upward(reading: Reading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
+def _upward(reading: SupportReading, surface: Surface, rows: Bools, reaction: Floats) -> Floats:
     """Return the upward reaction at each place, newtons; a reaction belongs to the nearest place."""
     points = np.concatenate([place.points for place in reading.places])
     owner = np.repeat(np.arange(len(reading.places)), [len(place.points) for place in reading.places])
     nearest = owner[cKDTree(points).query(surface.V[rows])[1]]
-    return np.bincount(nearest, reaction[rows, 2], len(reading.places))
+    return np.asarray(np.bincount(nearest, reaction[rows, 2], len(reading.places)), dtype=np.float64)
 
 
-def _inside(shape: Shape, held: Bools) -> float:
-    """Return how far the middle of the sheet is within the outline of the held vertices in plan, metres; negative
+def _inside(shape: Shape, supported: Bools) -> float:
+    """Return how far the middle of the sheet is within the outline of the supported vertices in plan, metres; negative
     beside it."""
-    P, middle = shape.surface.V[held, :2], shape.middle[:2]
+    P, middle = shape.surface.V[supported, :2], shape.middle[:2]
     try:
         plane = ConvexHull(P).equations
         return float(-(plane[:, :2] @ middle + plane[:, 2]).max())
@@ -169,50 +168,54 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
     V = shape.surface.V
     size, plan = float(np.ptp(V, axis=0).max()), V[:, :2] - V[:, :2].mean(axis=0)
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
-    comes_down = shape.plan_share < 0.4 or shape.height > 0.25 * narrow
+    comes_down = shape.plan_share < 0.4 or shape.rise > 0.25 * narrow
     weight = {}
     for unit, usual in UNITS.items():
         metres = metres_per(unit)
         weight[unit] = usual * float(np.exp(-0.5 * (np.log(metres * size / BUILDING) / SPREAD) ** 2))
-        weight[unit] *= 0.1 if comes_down and not HEAD <= metres * shape.height <= 40 else 1.0
+        weight[unit] *= 0.1 if comes_down and not HEAD <= metres * shape.rise <= 40 else 1.0
     total = sum(weight.values())
-    return sorted(((unit, share / total) for unit, share in weight.items()), key=lambda each: -each[1])
+    return sorted(((unit, share / total) for unit, share in weight.items()), key=lambda candidate: -candidate[1])
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class SupportChoice:
     """The judged readings of a surface, the best first.
     unit, units : its unit, and how likely each unit is; empty if the unit is known.
     shape       : the coarse shape of the best reading."""
 
-    ranking: tuple[Judged, ...]
+    ranking: tuple[JudgedReading, ...]
     unit: str
     units: tuple[tuple[str, float], ...]
     shape: Shape
 
     @property
-    def best(self) -> Judged:
+    def best(self) -> JudgedReading:
         return self.ranking[0]
 
     def require_plausible(self) -> None:
         """Raise PresetError if no reading is plausible, with what was tried."""
         if self.best.score < LEAST:
-            tried = "; ".join(f"{each.reading.word} ({each.up} up): {_flaw(each)}" for each in self.ranking[:4])
+            tried = "; ".join(
+                f"{candidate.reading.word} ({candidate.up} up): {_flaw(candidate)}" for candidate in self.ranking[:4]
+            )
             raise PresetError(
                 f"no way to hold the surface is plausible; tried {tried}; name what holds it with --stand, its unit "
                 "with --unit, or its vertical axis with --up"
             )
 
     @property
-    def rivals(self) -> list[Judged]:
-        """Judged readings that are close to the best one, at most two."""
-        return [each for each in self.ranking[1:] if each.score > CLOSE * self.best.score][:2]
+    def rivals(self) -> list[JudgedReading]:
+        """JudgedReading readings that are close to the best one, at most two."""
+        return [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score][:2]
 
     @property
-    def others(self) -> list[Judged]:
+    def runners_up(self) -> list[JudgedReading]:
         """The next best readings with the same axis, at most three."""
-        same = [each for each in self.ranking[1:] if each.up == self.best.up and each.score > LEAST]
-        return same[:3]
+        on_axis = [
+            candidate for candidate in self.ranking[1:] if candidate.up == self.best.up and candidate.score > LEAST
+        ]
+        return on_axis[:3]
 
     @property
     def rival_unit(self) -> str:
@@ -220,11 +223,11 @@ class Choice:
         return self.units[1][0] if self.units and self.units[1][1] > OPEN else ""
 
 
-def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> Choice:
+def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: str = "") -> SupportChoice:
     """Return the choice for a surface with edges.
 
     surface : in metres, or in the numbers of its file if the unit is open.
-    axes    : possible vertical axes, each with a factor on its scores.
+    axes    : possible vertical axes, candidate with a factor on its scores.
     unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
     Raises PresetError if no reading is plausible, or if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
@@ -236,18 +239,20 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
             shape = Shape(Surface(shape.surface.V * metres_per(units[0][0]), coarse.F))
         z = shape.surface.V[:, 2]
         usual = factor * (UNDER if z.min() < -0.2 * np.ptp(z) else 1.0)
-        ranking = [judged(shape, reading, up, usual) for reading in _readings(shape, stand)]
+        ranking = [judgement(shape, reading, up, usual) for reading in _readings(shape, stand)]
         choices.append((ranking, units[0][0] if units else unit, tuple(units), shape))
-    ranking = sorted((each for ranking, *_ in choices for each in ranking), key=lambda each: -each.score)
+    ranking = sorted(
+        (candidate for ranking, *_ in choices for candidate in ranking), key=lambda candidate: -candidate.score
+    )
     if not ranking:
         raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
-    best = next(each for each in choices if ranking[0] in each[0])
-    return Choice(tuple(ranking), *best[1:])
+    winner = next(candidate for candidate in choices if ranking[0] in candidate[0])
+    return SupportChoice(tuple(ranking), *winner[1:])
 
 
-def _readings(shape: Shape, stand: str) -> list[Reading]:
+def _readings(shape: Shape, stand: str) -> list[SupportReading]:
     if shape.is_object:
-        return [Reading("sole", "object", soles(shape.surface), DRAWN)]
+        return [SupportReading("sole", "object", soles(shape.surface), DRAWN)]
     if not stand:
         return distinct_readings(shape)
     try:
@@ -255,20 +260,20 @@ def _readings(shape: Shape, stand: str) -> list[Reading]:
     except ValueError:
         return [reading for reading in readings(shape) if reading.word == stand]
     kind: Kind = "wall" if shape.wall > 0.5 else "floor" if shape.is_floor else "roof"
-    return [Reading(stand, kind, numbered("base", low_places(shape, reach)), DRAWN)]
+    return [SupportReading(stand, kind, numbered_places("base", low_places(shape, reach)), DRAWN)]
 
 
-def _no_word(stand: str, known: Sequence[Reading]) -> str:
-    words = ", ".join(dict.fromkeys(reading.word for reading in known))
+def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
+    words = ", ".join(dict.fromkeys(reading.word for reading in candidates))
     return f"--stand {stand}: the surface has no such place; use {words}, or a height over its lowest point in metres"
 
 
-def _flaw(each: Judged) -> str:
-    if not each.figures:
+def _flaw(candidate: JudgedReading) -> str:
+    if not candidate.figures:
         return "it would move without resistance"
     flaws = {
-        f"it uses {each.figures['used']:.2g} times what is allowed": each.figures["used"] - 1,
-        "it would tip": 0.5 - each.figures["steady"],
-        "its shape does not show this": 0.3 - each.figures["form"],
+        f"it uses {candidate.figures['used']:.2g} times what is allowed": candidate.figures["used"] - 1,
+        "it would tip": 0.5 - candidate.figures["steady"],
+        "its shape does not show this": 0.3 - candidate.figures["form"],
     }
     return max(flaws, key=lambda words: flaws[words])

@@ -1,11 +1,12 @@
 """Loads of a proposal by the kind of surface: snow, people, services and wind, each a placeholder for a local code."""
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import PresetError
 from dsfab.preset.proposal.shape import is_nearly_closed
 from dsfab.surface import Surface, one_sided_pieces
@@ -25,7 +26,7 @@ AROUND = 0.3
 
 
 @dataclass(frozen=True)
-class Wishes:
+class MeshWishes:
     """What the user says about a surface of their own, in place of dsfab's choice.
     stand    : word of a reading (feet, loops, edge ...), or a height in metres: the edge up to it is held; "" for none.
     built_in : true if the supports do not let the sheet turn.
@@ -64,13 +65,13 @@ def _positive(text: str) -> float:
 
 def load_words(surface: Surface, pressures: Mapping[str, float]) -> str:
     """Return the loads in words: 'its own weight and snow of 1 kPa on the ground, by its slope [EN 1991-1-3, 5.3]'."""
-    on = {
+    places = {
         "snow": f"on the ground{' above its top' if snow_picker(surface) else ''}, by its slope [EN 1991-1-3, 5.3]",
         "people": "on the plan [EN 1991-1-1, table 6.2]",
         "services": "on the plan",
         "wind": "from both sides [EN 1991-1-4, 7.4]",
     }
-    parts = [f"{name} of {pressure / 1000:g} kPa {on[name]}" for name, pressure in pressures.items()]
+    parts = [f"{name} of {pressure / 1000:g} kPa {places[name]}" for name, pressure in pressures.items()]
     placeholder = ", a placeholder for your local code" if parts else ""
     return " and ".join(["its own weight", *parts]) + placeholder
 
@@ -83,8 +84,8 @@ def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[li
         for name in pressures:
             if name != "wind":
                 yield list(_vertical(surface, name, pressures[name]))
-    for case, way in zip(cases, (1.0, -1.0), strict=False):
-        direction = [float(x) for x in np.round(way * broadside(surface), 3) + 0.0]
+    for case, sign in zip(cases, (1.0, -1.0), strict=False):
+        direction = [float(x) for x in np.round(sign * broadside(surface), 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
         lines = ["[[surface.load]]", 'kind = "wind"', _line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']
@@ -128,7 +129,7 @@ def takes_snow(surface: Surface) -> bool:
     return bool(is_simple or (edge**2 < 16 * surface.area and not is_nearly_closed(surface)))
 
 
-def broadside(surface: Surface) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def broadside(surface: Surface) -> Floats:
     """Return the horizontal unit vector (3,) across which a surface shows the largest area."""
     n = surface.normals[:, :2]
     x, y = np.linalg.eigh((n * surface.areas[:, None]).T @ n)[1][:, -1]
@@ -136,5 +137,5 @@ def broadside(surface: Surface) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
 
 
 def _goes_around(surface: Surface) -> bool:
-    total: Sequence[float] = surface.areas @ surface.normals
+    total = surface.areas @ surface.normals
     return bool(np.hypot(total[0], total[1]) < AROUND * surface.area)

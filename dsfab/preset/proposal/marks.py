@@ -9,7 +9,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import metres_per
 from dsfab.preset.proposal.reading import Decision, UserMesh
-from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import Marks, marks_on_layers
 
@@ -76,12 +76,12 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
         yield Decision(f"layer {layer_marks.layer}", counts + value, changes.get(word, "pattern.region"))
 
 
-def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Place, ...]:
+def drawn_feet(marks: Mapping[str, Marks]) -> tuple[SupportPlace, ...]:
     """Return the supports that the file marks; empty without marks."""
     if "support" not in marks:
         return ()
     layer_marks = marks["support"]
-    return (Place("support as drawn", np.concatenate([layer_marks.points, *layer_marks.curves])),)
+    return (SupportPlace("support as drawn", np.concatenate([layer_marks.points, *layer_marks.curves])),)
 
 
 def _kind_lines(word: str, layer_marks: Marks, newtons: float) -> list[str]:

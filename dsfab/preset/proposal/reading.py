@@ -2,7 +2,7 @@
 
 import re
 import unicodedata
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -14,13 +14,14 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
-from dsfab.preset.proposal.judgement import Choice, choice
-from dsfab.preset.proposal.readings import SOLE, Place, soles
+from dsfab.preset.proposal.judgement import SupportChoice, choice
+from dsfab.preset.proposal.readings import SOLE, SupportPlace, soles
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
     RawMesh,
     Surface,
+    SurfaceInFile,
     Up,
     finite_faces,
     is_scan,
@@ -58,11 +59,11 @@ def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) 
         clear = 0.5 if suffix.lower() in MOSTLY_Z else 0.1
         axes: tuple[Up, ...] = ("y", "-y") if below else ("y",)
         score = {axis: _standing(upright_vertices(surface.V, axis), surface) for axis in axes}
-        best = max(axes, key=lambda axis: score[axis])
-        return {best if score[best] > _standing(surface.V, surface) + clear else "z": 1.0}
+        stablest = max(axes, key=lambda axis: score[axis])
+        return {stablest if score[stablest] > _standing(surface.V, surface) + clear else "z": 1.0}
     if usual == "y":
         return {"y": 1.0, "z": Y_UP}
-    return {"z": 1.0, "y": y} | ({"-y": y} if below else {})
+    return {"z": 1.0, "y": y, "-y": y} if below else {"z": 1.0, "y": y}
 
 
 def _standing(V: Floats, surface: Surface) -> float:
@@ -123,8 +124,8 @@ class UserMesh:
     name: str
     keys: dict[str, Any]
     decisions: tuple[Decision, ...]
-    choice: Choice
-    places: tuple[Place, ...]
+    choice: SupportChoice
+    places: tuple[SupportPlace, ...]
     repaired: tuple[str, ...] = ()
 
 
@@ -143,30 +144,25 @@ def mesh_in_file(
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
-    better = mended_raw_mesh(raw, scan, usual)
-    file_surface = surface_of_file(path, better, usual)
+    file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, usual), usual)
     surface = file_surface.surface
     is_open = unit is None and raw.unit is None and not is_figure(surface)
     axes = {up: 1.0} if up else possible_axes(surface, path.suffix, raw.up)
     numbers = Surface(surface.V / metres_per(usual), surface.F) if is_open else surface
     chosen = choice(numbers, axes, "" if is_open else usual, stand)
     if chosen.unit != usual:
-        better = mended_raw_mesh(raw, scan, chosen.unit)
-        file_surface = surface_of_file(path, better, chosen.unit)
+        file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, chosen.unit), chosen.unit)
         surface = file_surface.surface
     keys: dict[str, Any] = {"file": str(path), "unit": chosen.unit}
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
     words = _unit_words(surface, chosen, raw.unit, unit)
-    decisions = [Decision("unit", words, "surface.unit, or --unit cm")]
-    decisions += [Decision("file", remark) for remark in raw.record.remarks]
-    if mends := better.record.repaired[len(raw.record.repaired) :]:
-        key = "repair" if scan else "mend"
-        keys[key] = True
-        decisions.append(Decision("mended", ("as a raw scan: " if scan else "") + "; ".join(mends), f"surface.{key}"))
-    for remark in file_surface.record.repaired[len(better.record.repaired) :]:
-        decisions.append(Decision("file", f"repaired: {remark}"))
-    decisions += [Decision("sheets", remark) for remark in parallel_remarks(surface.V, surface.F)]
+    decisions = [
+        Decision("unit", words, "surface.unit, or --unit cm"),
+        *_file_decisions(raw, better, scan, file_surface),
+    ]
+    if len(better.record.repaired) > len(raw.record.repaired):
+        keys["repair" if scan else "mend"] = True
     surface, turned = _with_z_up(surface, chosen, up)
     if chosen.best.up != "z":
         keys["up"] = chosen.best.up
@@ -179,13 +175,25 @@ def mesh_in_file(
         why = "it lies so far away that other programs have too few digits; move what is written back by that"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     places = _places(surface, chosen, np.array(origin))
-    return UserMesh(surface, preset_name(path), keys, tuple(decisions), chosen, places, file_surface.record.repaired)
+    repaired = file_surface.record.repaired
+    return UserMesh(surface, preset_name(path), keys, tuple(decisions), chosen, places, repaired)
 
 
-def _places(surface: Surface, chosen: Choice, origin: Floats) -> tuple[Place, ...]:
+def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
+    """Yield what was dropped, mended and repaired in a file."""
+    yield from (Decision("file", remark) for remark in raw.record.remarks)
+    if mends := better.record.repaired[len(raw.record.repaired) :]:
+        words = ("as a raw scan: " if scan else "") + "; ".join(mends)
+        yield Decision("mended", words, f"surface.{'repair' if scan else 'mend'}")
+    for remark in mesh.record.repaired[len(better.record.repaired) :]:
+        yield Decision("file", f"repaired: {remark}")
+    yield from (Decision("sheets", remark) for remark in parallel_remarks(mesh.surface.V, mesh.surface.F))
+
+
+def _places(surface: Surface, chosen: SupportChoice, origin: Floats) -> tuple[SupportPlace, ...]:
     """Return the chosen supports in the coordinates of the surface; those of a closed one are parts of its own mesh."""
     reading = chosen.best.reading
-    return soles(surface) if reading.word == "sole" else tuple(place.moved(origin) for place in reading.places)
+    return soles(surface) if reading.word == "sole" else tuple(place.with_offset(origin) for place in reading.places)
 
 
 def preset_name(mesh: str | Path) -> str:
@@ -213,11 +221,11 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None, stand: str = "") 
     return UserMesh(surface, "roof", {"mesh": surface}, (*decisions, turned), chosen, places)
 
 
-def _with_z_up(surface: Surface, chosen: Choice, given: Up | None) -> tuple[Surface, Decision]:
+def _with_z_up(surface: Surface, chosen: SupportChoice, option: Up | None) -> tuple[Surface, Decision]:
     up = chosen.best.up
     turned = surface if up == "z" else Surface(upright_vertices(surface.V, up), surface.F)
     change = f"surface.up, or --up {'y' if up == 'z' else 'z'}"
-    if given is not None:
+    if option is not None:
         return turned, Decision("up", f"{up}, as you say", change)
     if up != "z":
         lies = f"with z up it would lie on its side or back; {up} is taken for the vertical axis"
@@ -244,17 +252,21 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
     return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
-def _unit_words(surface: Surface, chosen: Choice, said: str | None, given: str | None) -> str:
+def _unit_words(surface: Surface, chosen: SupportChoice, declared: str | None, option: str | None) -> str:
     """Return the decision on the unit: the size of the surface, and its size in other likely units."""
     sides, unit = np.ptp(surface.V, axis=0).tolist(), chosen.unit
-    words = f"{unit}{', as the file says' if said == unit else ''}: it is {_box(surface)}"
-    others = sizes_in_other_units(sides, unit, USUAL)
+    words = f"{unit}{', as the file says' if declared == unit else ''}: it is {_box(surface)}"
+    alternatives = sizes_in_other_units(sides, unit, USUAL)
     if chosen.units:
         likely = [f"--unit {name}:" for name, share in chosen.units[1:] if share > UNLIKELY]
-        others = [other for other in others if other.startswith(tuple(likely))] if likely else []
-    elif USUAL[0] <= max(sides) <= USUAL[1] or said or given:
-        others = []
-    return words + (size_doubt(sides, unit) or (f" (the file does not say; {'; '.join(others)})" if others else ""))
+        alternatives = (
+            [alternative for alternative in alternatives if alternative.startswith(tuple(likely))] if likely else []
+        )
+    elif USUAL[0] <= max(sides) <= USUAL[1] or declared or option:
+        alternatives = []
+    return words + (
+        size_doubt(sides, unit) or (f" (the file does not say; {'; '.join(alternatives)})" if alternatives else "")
+    )
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
@@ -16,7 +17,7 @@ RARER = 0.8
 """Factor on what hangs and on walls: most surfaces are roofs that stand."""
 LEFT = 0.7
 """Factor on a reading that leaves necks free, or hollows where water would stand."""
-SAG = 0.2
+SAG = 0.15
 """Least sag between two high sides of a hanging roof, as a share of the height."""
 WALLS = 0.8
 """Least form of a level and low edge that stands on walls around columns."""
@@ -24,6 +25,8 @@ APART = 12.0
 """Largest distance between posts along a strip, metres."""
 BAY = 7.5
 """Usual distance between the columns of a grid, metres."""
+MOST = 200
+"""Largest number of columns, and of posts along a side; a surface with more is no building, or its unit is wrong."""
 SOLE = 0.03
 """A closed surface stands on its vertices within this share of the height above its lowest point."""
 
@@ -31,7 +34,7 @@ Kind = Literal["roof", "hung", "floor", "wall", "object"]
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class SupportPlace:
     """A part of a surface that is held.
     name   : text for the user.    points : (k, 3) points along the free edge or on the surface, metres.
     length : length of free edge (m), 0 within the sheet.    is_loop : true for a whole loop.
@@ -47,7 +50,7 @@ class Place:
     def __post_init__(self) -> None:
         lock(self, "points", np.float64, (None, 3))
 
-    def moved(self, offset: Floats) -> "Place":
+    def with_offset(self, offset: Floats) -> "SupportPlace":
         """Return the place at the points minus an offset (3,), metres."""
         return replace(self, points=self.points - offset)
 
@@ -57,59 +60,60 @@ class Place:
             return Boundary(self.loop)
         if self.length:
             steps = [0] if self.is_loop else [0, len(self.points) // 2, -1]
-            return Boundary(points=tuple(_rounded(self.points[k], digits) for k in steps))
+            return Boundary(points=tuple(_point_tuple(self.points[k], digits) for k in steps))
         if self.radius:
-            return Ball(_rounded(self.points.mean(axis=0), digits), max(round(self.radius, digits), 1.5 * margin))
+            return Ball(_point_tuple(self.points.mean(axis=0), digits), max(round(self.radius, digits), 1.5 * margin))
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
-        return Box(_rounded(low, digits), _rounded(high, digits))
+        return Box(_point_tuple(low, digits), _point_tuple(high, digits))
 
 
-def _rounded(point: Floats, digits: int) -> tuple[float, float, float]:
+def _point_tuple(point: Floats, digits: int) -> tuple[float, float, float]:
     x, y, z = (np.round(point, digits) + 0.0).tolist()
     return x, y, z
 
 
 @dataclass(frozen=True, eq=False)
-class Reading:
+class SupportReading:
     """A way in which a shape may be held.
     word : its name for `--stand`.    form : 0 to 1, how far the shape says so."""
 
     word: str
     kind: Kind
-    places: tuple[Place, ...]
+    places: tuple[SupportPlace, ...]
     form: float
 
-    def held(self, surface: Surface) -> Bools:
+    def vertices(self, surface: Surface) -> Bools:
         """Return the held vertices (n,) of a mesh of the surface."""
-        return np.logical_or.reduce([place.picker().vertices(surface) for place in self.places])
+        return np.asarray(np.logical_or.reduce([place.picker().vertices(surface) for place in self.places]))
 
 
-def readings(shape: Shape) -> list[Reading]:
+def readings(shape: Shape) -> list[SupportReading]:
     """Return all readings of a shape with edges, the best form first."""
-    found = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
-    return sorted((reading for reading in found if reading.form > 0.02), key=lambda reading: -reading.form)
+    candidates = [_of_what_it_leaves(shape, reading) for read in READINGS for reading in read(shape) if reading.places]
+    return sorted((reading for reading in candidates if reading.form > 0.02), key=lambda reading: -reading.form)
 
 
-def distinct_readings(shape: Shape) -> list[Reading]:
+def distinct_readings(shape: Shape) -> list[SupportReading]:
     """Return the readings of a shape; of two that hold nearly the same, the better one."""
-    distinct = list[tuple[Reading, Bools]]()
+    distinct = list[tuple[SupportReading, Bools]]()
     for reading in readings(shape):
-        held = reading.held(shape.surface)
-        alike = (other for known, other in distinct if known.kind == reading.kind)
-        if not any((held & other).sum() > 0.75 * (held | other).sum() for other in alike):
-            distinct.append((reading, held))
+        supported = reading.vertices(shape.surface)
+        alike = (rival for earlier, rival in distinct if earlier.kind == reading.kind)
+        if not any((supported & rival).sum() > 0.75 * (supported | rival).sum() for rival in alike):
+            distinct.append((reading, supported))
     return [reading for reading, _ in distinct]
 
 
-def _of_what_it_leaves(shape: Shape, reading: Reading) -> Reading:
+def _of_what_it_leaves(shape: Shape, reading: SupportReading) -> SupportReading:
     """Return the reading with less form if it leaves necks free, or hollows under a roof."""
     free = len(shape.heads) * (reading.word not in ("loops", "walls")) + len(shape.lugs) * (reading.word != "hung")
-    ponds = len(shape.inner_hollows) and not shape.heads and reading.kind == "roof"
+    ponds = len(shape.inner_hollows) > 0 and not shape.heads and reading.kind == "roof"
     ponds = ponds and reading.word not in ("hollows", "columns")
     sideways = [edge for edge in shape.small if np.hypot(*(neck := shape.neck(edge))[:2]) > max(0.4, abs(neck[2]))]
-    left = ponds or (free > 1 and reading.kind in ("roof", "hung"))
-    left = left or (reading.word == "loops" and _edge_form(shape) > WALLS) or (reading.word == "corners" and _masts(shape))
-    return replace(reading, form=reading.form * (LEFT if left else 1.0) * (LEFT if len(sideways) > 1 else 1.0))
+    is_partial = ponds or (free > 1 and reading.kind in ("roof", "hung"))
+    is_partial |= reading.word == "loops" and _edge_form(shape) > WALLS
+    is_partial |= reading.word == "corners" and bool(_masts(shape))
+    return replace(reading, form=reading.form * (LEFT if is_partial else 1.0) * (LEFT if len(sideways) > 1 else 1.0))
 
 
 def _mean(values: Iterator[float] | Sequence[float]) -> float:
@@ -121,32 +125,32 @@ def _roof(shape: Shape) -> float:
     return (1 - shape.wall) * (0.5 if shape.is_floor else 1.0)
 
 
-def numbered(name: str, places: Sequence[Place]) -> tuple[Place, ...]:
+def numbered_places(name: str, places: Sequence[SupportPlace]) -> tuple[SupportPlace, ...]:
     """Return the places with a name, and with numbers if there are several."""
     several = len(places) > 1
     return tuple(replace(place, name=f"{name} {k}" if several else name) for k, place in enumerate(places, 1))
 
 
-def _along(edge: Edge) -> Place:
-    return Place("", edge.points, edge.length, is_loop=edge.closed)
+def _edge_place(edge: Edge) -> SupportPlace:
+    return SupportPlace("", edge.points, edge.length, is_loop=edge.closed)
 
 
-def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[Place, ...]:
+def _whole(shape: Shape, edges: Sequence[Edge], name: str) -> tuple[SupportPlace, ...]:
     """Return places for whole edges; the number of a loop names it if no other one is as long within 5 %."""
     places = []
     for edge in edges:
-        rivals = [other for other in shape.edges if abs(other.length / edge.length - 1) < 0.05]
-        places.append(replace(_along(edge), loop=edge.loop if len(rivals) == 1 else None))
-    return numbered(name, places)
+        rivals = [rival for rival in shape.edges if abs(rival.length / edge.length - 1) < 0.05]
+        places.append(replace(_edge_place(edge), loop=edge.loop if len(rivals) == 1 else None))
+    return numbered_places(name, places)
 
 
-def _discs(shape: Shape, points: Floats) -> tuple[Place, ...]:
-    return numbered("column", [Place("", point[None], radius=0.03 * shape.width) for point in points])
+def _discs(shape: Shape, points: Floats) -> tuple[SupportPlace, ...]:
+    return numbered_places("column", [SupportPlace("", point[None], radius=0.03 * shape.width) for point in points])
 
 
-def _column_heads(shape: Shape) -> Iterator[Reading]:
+def _column_heads(shape: Shape) -> Iterator[SupportReading]:
     form = DRAWN * (1 - shape.wall) * min(1, 2 * _mean([shape.neck(edge)[2] for edge in shape.heads]))
-    yield Reading("loops", "roof", numbered("column", [_along(edge) for edge in shape.heads]), form)
+    yield SupportReading("loops", "roof", numbered_places("column", [_edge_place(edge) for edge in shape.heads]), form)
 
 
 def _edge_form(shape: Shape) -> float:
@@ -154,139 +158,148 @@ def _edge_form(shape: Shape) -> float:
     return _mean([edge.levelness * shape.lowness(edge) for edge in shape.outer])
 
 
-def _walls(shape: Shape) -> Iterator[Reading]:
+def _walls(shape: Shape) -> Iterator[SupportReading]:
     """Yield walls below a level outer edge, with columns within."""
     if shape.heads and (form := _edge_form(shape)) > WALLS:
-        places = (*_whole(shape, shape.outer, "wall"), *numbered("column", [_along(edge) for edge in shape.heads]))
-        yield Reading("walls", "roof", places, DRAWN * _roof(shape) * form)
+        places = (
+            *_whole(shape, shape.outer, "wall"),
+            *numbered_places("column", [_edge_place(edge) for edge in shape.heads]),
+        )
+        yield SupportReading("walls", "roof", places, DRAWN * _roof(shape) * form)
 
 
 def _masts(shape: Shape) -> list[Edge]:
-    """Return small edges that a tent hangs from: the sheet falls from them to corners, between which it comes inwards."""
+    """Return small edges that a tent hangs from: the sheet falls to corners, between which its edge comes inwards."""
     is_tent = 3 <= len(shape.corners) <= 8 and is_scalloped(shape.edges[0], shape.corners)
     return [edge for edge in shape.small if is_tent and shape.neck(edge)[2] < -2 * NECK]
 
 
-def _tent(shape: Shape) -> Iterator[Reading]:
+def _tent(shape: Shape) -> Iterator[SupportReading]:
     if masts := _masts(shape):
-        top = numbered("mast", [_along(edge) for edge in masts])
-        yield Reading("tent", "roof", (*top, *_tips(shape, "anchor")), DRAWN * _roof(shape))
+        top = numbered_places("mast", [_edge_place(edge) for edge in masts])
+        yield SupportReading("tent", "roof", (*top, *_tips(shape, "anchor")), DRAWN * _roof(shape))
 
 
-def _tips(shape: Shape, name: str) -> tuple[Place, ...]:
+def _tips(shape: Shape, name: str) -> tuple[SupportPlace, ...]:
     """Return short parts of the longest edge around its corners."""
     edge = shape.edges[0]
     n, half = len(edge.points), max(round(shape.width / 50 / edge.length * len(edge.points)), 1)
-    return numbered(name, [_along(edge.part((k - half) % n, (k + half) % n)) for k in shape.corners])
+    return numbered_places(name, [_edge_place(edge.part((k - half) % n, (k + half) % n)) for k in shape.corners])
 
 
-def _lugs(shape: Shape) -> Iterator[Reading]:
+def _lugs(shape: Shape) -> Iterator[SupportReading]:
     form = DRAWN * RARER * (1 - shape.wall) * min(1, -2 * _mean([shape.neck(edge)[2] for edge in shape.lugs]))
-    yield Reading("hung", "hung", numbered("hanger", [_along(edge) for edge in shape.lugs]), form)
+    yield SupportReading("hung", "hung", numbered_places("hanger", [_edge_place(edge) for edge in shape.lugs]), form)
 
 
 def _valleys(shape: Shape) -> list[tuple[Edge, float]]:
-    if shape.height <= 0.05 * shape.width:
+    if shape.rise <= 0.05 * shape.width:
         return []
-    return [valley for edge in shape.outer for valley in edge.valleys(shape.height, shape.width / 25)]
+    return [valley for edge in shape.outer for valley in edge.valleys(shape.rise, shape.width / 25)]
 
 
-def _feet(shape: Shape) -> Iterator[Reading]:
+def _feet(shape: Shape) -> Iterator[SupportReading]:
     valleys, count = _valleys(shape), 0
     ground = min((float(edge.z.min()) for edge, _ in valleys), default=0.0)
     for word, reach in (("feet", 0.35), ("all-feet", 0.7)):
-        low = [(edge, depth) for edge, depth in valleys if edge.z.min() <= ground + reach * shape.height]
+        low = [(edge, depth) for edge, depth in valleys if edge.z.min() <= ground + reach * shape.rise]
         if len(low) > count:
-            form = _mean([min(1, depth / (2 * DEPTH * shape.height)) for _, depth in low])
+            form = _mean([min(1, depth / (2 * DEPTH * shape.rise)) for _, depth in low])
             name = "springing line" if min(edge.length for edge, _ in low) > shape.width / 2 else "foot"
-            places = numbered(name, [_along(edge) for edge, _ in low])
-            yield Reading(word, "roof", places, (USUAL if shape.is_raised else DRAWN) * _roof(shape) * form)
+            places = numbered_places(name, [_edge_place(edge) for edge, _ in low])
+            yield SupportReading(word, "roof", places, (USUAL if shape.is_raised else DRAWN) * _roof(shape) * form)
         count = len(low)
 
 
-def _whole_edges(shape: Shape) -> Iterator[Reading]:
+def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     outer, inner = ([edge.levelness * shape.lowness(edge) for edge in edges] for edges in (shape.outer, shape.large))
     kind: Kind = "floor" if shape.is_floor else "roof"
     name = "edge" if shape.is_floor else "base ring"
     floor = max(_roof(shape), float(shape.is_floor))
-    yield Reading("edge", kind, _whole(shape, shape.outer, name), DRAWN * floor * _mean(outer))
+    yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * floor * _mean(outer))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
-    below = drop > max(0.3 * shape.height, 0.015 * shape.width)
+    below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
     usual = (DRAWN if below else USUAL) * _roof(shape)
-    yield Reading("ring", "roof", _whole(shape, shape.large, "inner edge"), usual * _mean(inner))
+    yield SupportReading("ring", "roof", _whole(shape, shape.large, "inner edge"), usual * _mean(inner))
     if shape.large:
-        both = USUAL * _roof(shape) * (_mean(outer) + _mean(inner)) / 2
-        yield Reading("edges", "roof", _whole(shape, [*shape.outer, *shape.large], "edge"), both)
+        form = USUAL * _roof(shape) * (_mean(outer) + _mean(inner)) / 2
+        yield SupportReading("edges", "roof", _whole(shape, [*shape.outer, *shape.large], "edge"), form)
     high = _mean([edge.levelness * (1 - shape.lowness(edge)) for edge in shape.outer])
     word = "rim" if shape.lugs else "hung"
-    yield Reading(word, "hung", _whole(shape, shape.outer, "upper rim"), USUAL * RARER * _roof(shape) * high)
+    yield SupportReading(word, "hung", _whole(shape, shape.outer, "upper rim"), USUAL * RARER * _roof(shape) * high)
 
 
 def _pairs(shape: Shape) -> tuple[list[Edge], list[Edge]]:
     return shape.sides[::2], shape.sides[1::2]
 
 
-def _hangs_between(shape: Shape, two: Sequence[Edge], other: Sequence[Edge]) -> bool:
-    """Return True if the sheet and its other two sides sag between two sides."""
+def _hangs_between(shape: Shape, two: Sequence[Edge], crossing: Sequence[Edge]) -> bool:
+    """Return True if the sheet and the middle half of its other two sides sag between two sides."""
     if not two:
         return False
     low = min(float(side.z.min()) for side in two)
-    return low - SAG * shape.height > max(shape.middle[2], *(float(side.z.min()) for side in other))
+    middles = [float(side.z[len(side.z) // 4 : -len(side.z) // 4].max()) for side in crossing]
+    return bool(low - SAG * shape.rise > max(shape.middle[2], *middles))
 
 
-def _sides(shape: Shape) -> Iterator[Reading]:
+def _sides(shape: Shape) -> Iterator[SupportReading]:
     kind: Kind = "floor" if shape.is_deck else "roof"
     usual = DRAWN if shape.is_deck else USUAL * _roof(shape)
-    for word, two, other in (("ends", *_pairs(shape)), ("sides", *_pairs(shape)[::-1])):
-        sags = shape.ratio <= STRIP and _hangs_between(shape, two, other)
+    for word, two, crossing in (("ends", *_pairs(shape)), ("sides", *_pairs(shape)[::-1])):
+        sags = shape.ratio <= STRIP and _hangs_between(shape, two, crossing)
         low = [1.0 if sags or (shape.is_deck and word == "ends") else shape.lowness(side) for side in two]
         form = _mean([side.straight_levelness * share for side, share in zip(two, low, strict=True)])
         form *= DRAWN * _roof(shape) if sags else usual
-        yield Reading(word, kind, numbered(word[:-1], [_along(side) for side in two]), form)
+        yield SupportReading(word, kind, numbered_places(word[:-1], [_edge_place(side) for side in two]), form)
     if shape.ratio > STRIP:
         apart = min(1.2 * min(end.length for end in shape.sides[::2]), APART)
-        posts = [post for side in shape.sides[1::2] for post in side.posts(apart, shape.width / 25)]
-        yield Reading("posts", "roof", numbered("post", [_along(post) for post in posts]), USUAL * _roof(shape))
+        sides = [side for side in shape.sides[1::2] if side.length < MOST * apart]
+        posts = [post for side in sides for post in side.posts(apart, shape.width / 25)]
+        yield SupportReading(
+            "posts", "roof", numbered_places("post", [_edge_place(post) for post in posts]), USUAL * _roof(shape)
+        )
 
 
-def _corners(shape: Shape) -> Iterator[Reading]:
+def _corners(shape: Shape) -> Iterator[SupportReading]:
     """Yield the corners of any height, as a sail has, where they are not its feet."""
     edge, corners = shape.edges[0], shape.corners
     if not 3 <= len(corners) <= 8:
         return
-    valleys = _valleys(shape)
-    ground = min((float(valley.z.min()) for valley, _ in valleys), default=-np.inf)
-    if edge.z[corners].max() >= ground + 0.1 * shape.height:
+    feet = [valley.points for valley, _ in _valleys(shape)]
+    away = np.asarray(cKDTree(np.concatenate(feet)).query(edge.points[corners])[0]) if feet else np.array([np.inf])
+    if away.max() > shape.width / 12:
         form = DRAWN if is_scalloped(edge, corners) else ANYWHERE
-        yield Reading("corners", "roof", _tips(shape, "mast"), form * _roof(shape))
+        yield SupportReading("corners", "roof", _tips(shape, "mast"), form * _roof(shape))
 
 
-def _columns(shape: Shape) -> Iterator[Reading]:
+def _columns(shape: Shape) -> Iterator[SupportReading]:
     """Yield columns under hollows, and in a grid."""
     if len(shape.inner_hollows) and not shape.heads:
         V = shape.surface.V
-        rises = min(float(edge.z.min()) for edge in shape.outer) > V[:, 2].min() + 0.1 * shape.height
+        rises = min(float(edge.z.min()) for edge in shape.outer) > V[:, 2].min() + 0.1 * shape.rise
         places = _discs(shape, V[shape.hollows])
-        yield Reading("hollows", "roof", places, (DRAWN if rises else USUAL) * _roof(shape))
+        yield SupportReading("hollows", "roof", places, (DRAWN if rises else USUAL) * _roof(shape))
     low, high = shape.surface.V[:, :2].min(axis=0), shape.surface.V[:, :2].max(axis=0)
     counts = np.maximum(np.round((high - low) / BAY).astype(int), 1)
+    if counts.prod() > MOST:
+        return
     shares = np.stack(np.meshgrid(*((np.arange(count) + 0.5) / count for count in counts)), axis=-1).reshape(-1, 2)
     places = _discs(shape, shape.below(low + (high - low) * shares))
-    yield Reading("columns", "roof", places, ANYWHERE * _roof(shape))
+    yield SupportReading("columns", "roof", places, ANYWHERE * _roof(shape))
 
 
-def _base(shape: Shape) -> Iterator[Reading]:
+def _base(shape: Shape) -> Iterator[SupportReading]:
     """Yield the base of a wall or a tower: the parts of its large edges that are near the ground."""
     if shape.wall:
-        places = low_places(shape, RISE * shape.height)
+        places = low_places(shape, RISE * shape.rise)
         cover = sum(place.length for place in places) / np.ptp(shape.surface.V[:, :2], axis=0).max()
         form = DRAWN * RARER * shape.wall * min(1, cover)
-        yield Reading("base", "wall", numbered("base", places), form)
+        yield SupportReading("base", "wall", numbered_places("base", places), form)
 
 
-def low_places(shape: Shape, reach: float) -> list[Place]:
+def low_places(shape: Shape, reach: float) -> list[SupportPlace]:
     """Return the parts of the large edges that are at most `reach` metres over the lowest point of the surface."""
-    highest, places = shape.surface.V[:, 2].min() + reach, list[Place]()
+    highest, places = shape.surface.V[:, 2].min() + reach, list[SupportPlace]()
     for edge in (*shape.outer, *shape.large):
         low = edge.z <= highest
         if low.all():
@@ -296,11 +309,11 @@ def low_places(shape: Shape, reach: float) -> list[Place]:
         for start in starts:
             end = ends[(ends - start) % len(low) == ((ends - start) % len(low)).min()][0]
             if end != start:
-                places.append(_along(edge.part(int(start), int(end))))
+                places.append(_edge_place(edge.part(int(start), int(end))))
     return places
 
 
-def soles(surface: Surface) -> tuple[Place, ...]:
+def soles(surface: Surface) -> tuple[SupportPlace, ...]:
     """Return the lowest parts of a closed surface, on which it stands, without parts far smaller than the largest."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * np.ptp(z)
@@ -308,9 +321,9 @@ def soles(surface: Surface) -> tuple[Place, ...]:
     _, part = link_components(surface.n, ends[:, 0], ends[:, 1])
     groups: list[Ints] = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
     enough = 0.1 * max(map(len, groups))
-    return numbered("foot", [Place("", surface.V[group]) for group in groups if len(group) >= enough])
+    return numbered_places("foot", [SupportPlace("", surface.V[group]) for group in groups if len(group) >= enough])
 
 
-READINGS: tuple[Callable[[Shape], Iterator[Reading]], ...] = (
+READINGS: tuple[Callable[[Shape], Iterator[SupportReading]], ...] = (
     _column_heads, _walls, _lugs, _tent, _feet, _whole_edges, _sides, _corners, _columns, _base,
 )  # fmt: skip

@@ -72,7 +72,7 @@ class Edge:
         lock(self, "points", np.float64, (None, 3))
 
     @classmethod
-    def around(cls, loop: int, P: Floats) -> "Edge":
+    def from_loop(cls, loop: int, P: Floats) -> "Edge":
         """Return the closed edge through points P (k, 3) in even steps."""
         line = np.vstack([P, P[:1]])
         along = np.concatenate([[0.0], np.cumsum(lengths(np.diff(line, axis=0)))])
@@ -112,13 +112,13 @@ class Edge:
         height : of the surface.    shortest : least length of a stretch (m); it grows on its lower side first."""
         z, n, step = self.z, len(self.points), self.length / len(self.points)
         tops, facts = find_peaks(-np.tile(z, 3), prominence=DEPTH * height, plateau_size=(None, None))
-        for top, depth in zip(tops - n, facts["prominences"], strict=True):
+        for top, depth in zip((tops - n).tolist(), facts["prominences"].tolist(), strict=True):
             if not 0 <= top < n:
                 continue
-            ways = [np.maximum.accumulate(np.roll(z, -top)[::way][: n // 2 - 1]) for way in (1, -1)]
-            least = np.sort(np.concatenate(ways))[min(int(np.ceil(shortest / step)), n - 3)]
+            profiles = [np.maximum.accumulate(np.roll(z, -top)[::sign][: n // 2 - 1]) for sign in (1, -1)]
+            least = np.sort(np.concatenate(profiles))[min(int(np.ceil(shortest / step)), n - 3)]
             level = max(z[top] + RISE * height, least) + 1e-4 * height  # equal heights on both sides count alike
-            after, before = (int((way <= level).sum()) for way in ways)
+            after, before = (int((profile <= level).sum()) for profile in profiles)
             yield self.part((top - before) % n, (top + after - 1) % n), float(depth)
 
     def corners(self, arm: float) -> list[int]:
@@ -155,15 +155,15 @@ class Shape:
     @cached_property
     def edges(self) -> list[Edge]:
         """Whole edges, the longest first."""
-        return [Edge.around(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
+        return [Edge.from_loop(k, self.surface.V[loop]) for k, loop in enumerate(self.surface.loops)]
 
     @cached_property
     def outer(self) -> list[Edge]:
         """The longest edge of each piece."""
         piece = np.empty(self.surface.n, dtype=np.int64)
         piece[self.surface.F] = self.surface.pieces[1][:, None]
-        _, first = np.unique([piece[loop[0]] for loop in self.surface.loops], return_index=True)
-        return [self.edges[k] for k in sorted(first)]
+        _, index = np.unique([piece[loop[0]] for loop in self.surface.loops], return_index=True)
+        return [self.edges[k] for k in sorted(index)]
 
     @cached_property
     def large(self) -> list[Edge]:
@@ -176,7 +176,7 @@ class Shape:
         return [edge for edge in self.edges if edge not in self.outer and edge.length < SMALL * self.edges[0].length]
 
     @cached_property
-    def height(self) -> float:
+    def rise(self) -> float:
         return float(np.ptp(self.surface.V[:, 2]))
 
     @cached_property
@@ -198,7 +198,7 @@ class Shape:
     @property
     def is_raised(self) -> bool:
         """True if it does not come down to the ground: too low to stand under, or modelled at its height."""
-        return self.height < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
+        return self.rise < HEAD or HEAD <= self.surface.V[:, 2].min() <= 1.5 * self.surface.size
 
     @cached_property
     def corners(self) -> list[int]:
@@ -212,8 +212,8 @@ class Shape:
             return []
         c = self.corners
         sides = [self.edges[0].part(a, b) for a, b in zip(c, c[1:] + c[:1], strict=True)]
-        first = sum(side.length for side in sides[::2]) <= sum(side.length for side in sides[1::2])
-        return sides if first else sides[1:] + sides[:1]
+        is_ordered = sum(side.length for side in sides[::2]) <= sum(side.length for side in sides[1::2])
+        return sides if is_ordered else sides[1:] + sides[:1]
 
     @cached_property
     def ratio(self) -> float:
@@ -224,9 +224,9 @@ class Shape:
     def neck(self, edge: Edge) -> Floats:
         """Return the mean direction (3,) in which the sheet leaves an edge: up at a column head, down at a lug."""
         V, F = self.surface.V, self.surface.F
-        on = np.isin(F, self.surface.loops[edge.loop])
-        faces = on.sum(axis=1) == 2
-        third = np.argmin(on[faces], axis=1)
+        is_on = np.isin(F, self.surface.loops[edge.loop])
+        faces = is_on.sum(axis=1) == 2
+        third = np.argmin(is_on[faces], axis=1)
         a, b, c = (V[F[faces][np.arange(len(third)), (third + k) % 3]] for k in (1, 2, 0))
         length = lengths(b - a)
         along = (b - a) / length[:, None]
@@ -244,20 +244,20 @@ class Shape:
     def lowness(self, edge: Edge) -> float:
         """Return 1 for an edge at or below the middle of the sheet, 0 at its top; 1 where the sheet is all but flat."""
         rise = (edge.z.mean() - self.middle[2]) / max(self.surface.V[:, 2].max() - self.middle[2], 1e-9)
-        return 1.0 if self.height < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
+        return 1.0 if self.rise < 0.05 * self.width else float(np.clip(1 - rise, 0, 1))
 
     @cached_property
     def hollows(self) -> Ints:
         """Vertices (k,) in the sheet or on its edge that are lower than all around them, where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
-        near, wide = (tree.query_ball_point(V[:, :2], self.width / k) for k in (12, 7))
+        inner, outer = (tree.query_ball_point(V[:, :2], self.width / k) for k in (12, 7))
         hollows = list[int]()
         for k in range(self.surface.n):
-            if z[k] > z[near[k]].min():
+            if z[k] > z[inner[k]].min():
                 continue
-            ring = np.setdiff1d(wide[k], near[k])
-            is_deep = len(ring) and z[ring].min() - z[k] > max(RISE * self.height, 0.002 * self.width)
+            ring = np.setdiff1d(outer[k], inner[k])
+            is_deep = len(ring) and z[ring].min() - z[k] > max(RISE * self.rise, 0.002 * self.width)
             if is_deep and all(np.linalg.norm(V[k, :2] - V[j, :2]) > self.width / 8 for j in hollows):
                 hollows.append(k)
         return np.array(hollows, dtype=np.int64)
@@ -269,15 +269,15 @@ class Shape:
 
     def below(self, plan: Floats) -> Floats:
         """Return the vertices (k, 3) nearest in plan to points (j, 2), without those that the sheet does not cover."""
-        away, vertex = cKDTree(self.surface.V[:, :2]).query(plan)
-        return self.surface.V[vertex[away < 0.05 * self.width]]
+        away, vertex = (np.atleast_1d(values) for values in cKDTree(self.surface.V[:, :2]).query(plan))
+        return np.asarray(self.surface.V[vertex[away < 0.05 * self.width]])
 
     @cached_property
     def is_object(self) -> bool:
         """True for a sculpture: a closed surface, or a nearly closed one whose edges do not reach the ground."""
         if is_nearly_closed(self.surface):
             return True
-        ground = self.surface.V[:, 2].min() + RISE * self.height
+        ground = self.surface.V[:, 2].min() + RISE * self.rise
         raised = all(edge.z.min() > ground and edge.z.mean() < self.middle[2] for edge in self.edges)
         return is_figure(self.surface) and raised
 
@@ -288,7 +288,7 @@ class Shape:
 
     @cached_property
     def lugs(self) -> list[Edge]:
-        """Small edges that the sheet leaves downwards, on a slender neck, as where it hangs; wide ones are skylights."""
+        """Small edges that the sheet leaves downwards, on a slender neck, to hang from; wide ones are skylights."""
         return [edge for edge in self.small if self.neck(edge)[2] < -NECK and self.slenderness(edge) > LUG]
 
     @cached_property
@@ -298,15 +298,17 @@ class Shape:
 
     @cached_property
     def is_deck(self) -> bool:
-        """True for a strip that people can walk on: hardly steeper than stairs (40 degrees), with level ends."""
-        walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0))
+        """True for a strip with level ends that people can walk on: as steep as stairs (40 degrees) if it goes up from
+        end to end, else as a ramp (25 degrees)."""
+        climb = abs(float(np.subtract(*(end.z.mean() for end in self.sides[::2])))) if self.sides else 0.0
+        walkable = np.abs(self.surface.normals[:, 2]) > np.cos(np.radians(40.0 if climb > 0.9 * self.rise else 25.0))
         share = float(self.surface.areas[walkable].sum() / self.surface.area)
         return self.ratio > STRIP and share > 0.8 and min(end.straight_levelness for end in self.sides[::2]) > 0.97
 
     @property
     def is_floor(self) -> bool:
         """True for a deck and for a flat sheet."""
-        return self.is_deck or self.height < 0.01 * self.width
+        return self.is_deck or self.rise < 0.01 * self.width
 
 
 def is_scalloped(edge: Edge, corners: Sequence[int]) -> bool:

@@ -1,4 +1,4 @@
-"""`Plan`: the values of a proposed preset, and its text with comments."""
+"""`ProposedValues`: the values of a proposed preset, and its text with comments."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from dsfab.core.messages import length
 from dsfab.preset.proposal.loads import load_tables
 from dsfab.preset.proposal.marks import TABLES, mark_tables
 from dsfab.preset.proposal.reading import UserMesh
-from dsfab.preset.proposal.readings import Place
+from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import Ball, Boundary, Box, Marks, Surface
@@ -21,19 +21,19 @@ SHARE = 0.45
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class ProposedValues:
     """Values of a proposed preset.
     stands   : its supports.    built_in : true if they do not let the sheet turn.
     loads    : pressures by name (Pa), besides its weight.    marks : marks of the file, which replace supports."""
 
     size: Sizes
-    stands: tuple[Place, ...]
+    stands: tuple[SupportPlace, ...]
     built_in: bool
     loads: Mapping[str, float]
     marks: Mapping[str, Marks] = field(default_factory=dict)
 
 
-def proposal_text(user_mesh: UserMesh, plan: Plan, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
+def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, Any], notes: Mapping[str, str]) -> str:
     """Return the preset as TOML with comments.
     keys  : keys of [surface], which define the mesh.    notes : the choice of each decision, by topic."""
     size, stands, marks = plan.size, plan.stands, plan.marks
@@ -87,7 +87,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
         yield _entry("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
 
-def _support(surface: Surface, plan: Plan, place: Place) -> list[str]:
+def _support(surface: Surface, plan: ProposedValues, place: SupportPlace) -> list[str]:
     digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
     picker = place.picker(0.25 * (plan.size.edge or surface.mean_edge), digits)
     pick = ", ".join(f"{key} = {_toml(value)}" for key, value in _picker_values(picker))
@@ -98,17 +98,17 @@ def _support(surface: Surface, plan: Plan, place: Place) -> list[str]:
 
 def _picker_values(picker: Boundary | Ball | Box) -> Iterator[tuple[str, Any]]:
     yield "pick", picker.pick
-    for each in fields(picker):
-        value = getattr(picker, each.name)
-        if each.name != "pick" and value != each.default:
-            yield each.name, value
+    for key in fields(picker):
+        value = getattr(picker, key.name)
+        if key.name != "pick" and value != key.default:
+            yield key.name, value
 
 
 def _toml(value: Any) -> str:
     return json.dumps(value, ensure_ascii=False)
 
 
-def _statics(plan: Plan) -> Iterator[str]:
+def _statics(plan: ProposedValues) -> Iterator[str]:
     yield "[statics]"
     yield _entry("material", plan.size.material, "`dsfab materials` lists all materials")
     yield _entry("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
@@ -116,7 +116,7 @@ def _statics(plan: Plan) -> Iterator[str]:
         yield _entry("bending", "midedge", "elements with rotations, which built-in edges need")
 
 
-def _diffusion(plan: Plan) -> Iterator[list[str]]:
+def _diffusion(plan: ProposedValues) -> Iterator[list[str]]:
     if "wind" in plan.loads:
         yield ["[diffusion]", _entry("follow", "combined", "the pattern follows wind from both sides")]
 
@@ -152,14 +152,14 @@ def _entry(key: str, value: Any, note: str = "") -> str:
     return f"{line:<26}  # {note}" if note else line
 
 
-def _description(surface: Surface, plan: Plan) -> str:
+def _description(surface: Surface, plan: ProposedValues) -> str:
     x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
     loads = " and ".join(["its own weight", *plan.loads])
     sheet = f"{plan.size.material} of {length(plan.size.thickness)}"
     return f"{x} x {y}, {z} high, {sheet}, on {place_words(plan.stands)}, under {loads}."
 
 
-def place_words(stands: Sequence[Place]) -> str:
+def place_words(stands: Sequence[SupportPlace]) -> str:
     """Return supports in a few words: 'its base ring', '4 feet'."""
     kinds = list(dict.fromkeys(place.name.rstrip("0123456789 ") for place in stands))
     if len(stands) == 1:

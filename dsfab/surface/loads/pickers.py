@@ -241,11 +241,11 @@ class Boundary:
                 f"0 to {len(loops) - 1} or 'all'"
             )
         picked = np.zeros(surface.n, dtype=bool)
-        for loop in self._near(surface) if self.points else loops if self.loop == "all" else [loops[self.loop]]:
+        for loop in self._named_loop(surface) if self.points else loops if self.loop == "all" else [loops[self.loop]]:
             picked[loop] = True
         return picked
 
-    def _near(self, surface: Surface) -> list[Ints]:
+    def _named_loop(self, surface: Surface) -> list[Ints]:
         """Return the vertices (k,) of the loop, or of the part of it, that the points name."""
         away = [np.linalg.norm(surface.V[loop] - self.points[0], axis=1).min() for loop in surface.loops]
         loop = surface.loops[int(np.argmin(away))]
