@@ -28,7 +28,7 @@ tell what dsfab did to make the structure buildable."""
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Output:
-    """How much a build prints."""
+    """Options for the length of the printed output."""
 
     quiet: Quiet = False
     verbose: Annotated[

@@ -105,7 +105,7 @@ class MeshFlags:
 
     @property
     def wishes(self) -> "MeshWishes":
-        """What the user says about supports and loads of a mesh."""
+        """The user's supports and loads for a mesh, in place of proposed ones."""
         from dsfab.preset.proposal import MeshWishes
 
         return MeshWishes(self.stand or "", self.built_in, self.load)

@@ -203,7 +203,7 @@ def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> 
     """Return membrane forces (k, m, 3, 3), N/m, in a sheet of 1 m with the unknowns x (u, k)."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
-    return np.array([stress(surface, sheet.material, each.u, sheet.law, each.bubbles) for each in moved])
+    return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
 
 
 def _buckling_modes(

@@ -1,4 +1,4 @@
-"""Whether a cut structure carries its loads: its most used member, movement, factor of buckling, mass and reactions."""
+"""The verdict on a cut structure under its loads: its most used member, movement, factor of buckling, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
@@ -24,10 +24,10 @@ from dsfab.statics import (
     ShearRecovery,
     SheetModel,
     SheetStress,
-    buckling,
     elements_of,
     equilibria,
     flat_axis,
+    lowest_buckling,
     mode_supports,
     needle_message,
     section_forces,
@@ -98,7 +98,7 @@ Outcome = Literal["carries", "does not carry", "not judged"]
 
 @dataclass(frozen=True)
 class Carrying:
-    """Whether a cut structure carries its loads, with the figures behind it.
+    """The verdict on a cut structure, with the figures behind it.
     use      : None without a strength, which also leaves buckling out, and for a structure that does not stand.
     movement : None for a structure that does not stand.
     buckling : lowest factor on the loads at which the perfect shape buckles; None if nothing is compressed.
@@ -349,12 +349,14 @@ def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
         elements = elements_of("buckling")
         K = statics.stiffness if answer.elements == elements else None
         try:
-            lowest = buckling(model, standing.load, answer, 1, elements, K, statics.factor_of).factor
+            factor, clause = lowest_buckling(model, standing.load, answer, elements, K, statics.factor_of)
         except StaticsError as error:
             remarks[f"no factor of buckling: {error}"] = None
             continue
-        if len(lowest):
-            factors[name] = float(lowest[0])
+        if clause:
+            remarks[f"buckling is {clause}"] = None
+        if factor is not None:
+            factors[name] = factor
     case = min(factors, key=lambda name: factors[name], default="")
     return factors.get(case), case, tuple(remarks)
 

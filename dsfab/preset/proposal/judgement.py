@@ -43,7 +43,7 @@ LIMIT = 1 / 300
 EDGE = 0.5
 """Part of the score that a reading loses if it holds all of the edge."""
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}
-"""How often architects model in a unit; programs that model in inches mostly say so in the file."""
+"""Share of models in a unit; programs that model in inches mostly write the unit into the file."""
 BUILDING, SPREAD = 18.0, 1.1
 """Buildings are about 18 m long, within a factor of 3 (e^1.1) two times out of three."""
 LEAST, DOUBT = 0.02, 0.25

@@ -27,7 +27,7 @@ AROUND = 0.3
 
 @dataclass(frozen=True)
 class MeshWishes:
-    """What the user says about a surface of their own, in place of dsfab's choice.
+    """The user's own choices for a surface, in place of dsfab's.
     stand    : word of a reading (feet, loops, edge ...), or a height in metres: the edge up to it is held; "" for none.
     built_in : true if the supports do not let the sheet turn.
     loads    : "snow", "wind", "people", "services" or "none", also with a value in kPa: "snow=1.2"."""

@@ -104,7 +104,7 @@ class Edge:
 
     @cached_property
     def straight_levelness(self) -> float:
-        """As `levelness`, by the rise over the length, for a side that a wall or a beam goes along."""
+        """The `levelness` of a side along a wall or a beam, by its rise over its length."""
         return float(1 / (1 + (np.ptp(self.z) / max(self.length, 1e-12) / SLOPE) ** 2))
 
     def valleys(self, height: float, shortest: float) -> Iterator[tuple["Edge", float]]:
