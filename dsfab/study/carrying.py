@@ -1,4 +1,4 @@
-"""The verdict on a cut structure under its loads: its most used member, movement, factor of buckling, mass and reactions."""
+"""The verdict on a cut structure: its most used member, movement, factor of buckling, mass and reactions."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace

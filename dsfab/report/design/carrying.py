@@ -1,4 +1,4 @@
-"""The verdict of a design, in words: whether it carries its loads, its figures, likely cures, and a table of reactions."""
+"""The verdict of a design, in words: whether it carries, its figures, likely cures, and a table of reactions."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
