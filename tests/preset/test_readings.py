@@ -162,6 +162,14 @@ def test_a_part_of_an_edge_survives_another_mesh():
         Boundary(points=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
 
 
+def test_one_line_is_built_in_and_a_whole_ring_is_not():
+    """A sheet that rises from one edge would turn about it; the ring of a dome cannot."""
+    for meant, built_in in ((TWELVE["J-shelter"], True), (MEANT["cupola"], False)):
+        preset = propose(meant.surface).preset
+        assert all(support.clamp == built_in for support in preset.surface.support)
+        assert preset.statics.bending == ("midedge" if built_in else "hinge")
+
+
 def test_options_for_a_mesh_are_refused_for_a_preset(capsys):
     assert main(["build", "dome", "--stand", "feet"]) == 1
     assert "are for a mesh" in capsys.readouterr().err
