@@ -102,8 +102,8 @@ def test_a_close_runner_up_is_a_question_with_its_option():
 
 @pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("mm", 0.001), ("cm", 0.01), ("ft", 0.3048)])
 def test_the_unit_makes_a_plausible_building(tmp_path, unit, metres):
-    """A shell of 14 m; in feet (46 of them) it may also be one of 46 m, which is a question."""
-    surface = pavilion(4, 7, 3.6).surface
+    """A shell of 18 m; in feet (59 of them) it may also be one of 59 m, which is a question."""
+    surface = pavilion(4, 9, 4.4).surface
     lines = [f"v {x / metres:.9g} {y / metres:.9g} {z / metres:.9g}" for x, y, z in surface.V]
     path = tmp_path / "shell.obj"
     path.write_text("\n".join(lines + [f"f {a} {b} {c}" for a, b, c in surface.F + 1]))
@@ -160,6 +160,14 @@ def test_a_part_of_an_edge_survives_another_mesh():
     assert Boundary(points=((5.0, 0.0, 0.0),)).vertices(surface).sum() == len(surface.loops[0])
     with pytest.raises(ValueError, match="one for a whole loop, three for a part"):
         Boundary(points=((0.0, 0.0, 0.0), (1.0, 0.0, 0.0)))
+
+
+def test_one_line_is_built_in_and_a_whole_ring_is_not():
+    """A sheet that rises from one edge would turn about it; the ring of a dome cannot."""
+    for meant, built_in in ((TWELVE["J-shelter"], True), (MEANT["cupola"], False)):
+        preset = propose(meant.surface).preset
+        assert all(support.clamp == built_in for support in preset.surface.support)
+        assert preset.statics.bending == ("midedge" if built_in else "hinge")
 
 
 def test_options_for_a_mesh_are_refused_for_a_preset(capsys):

@@ -103,7 +103,8 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
     carried = 1 - float(surface.vertex_areas[free].sum()) / surface.area
     score = reading.form / (1 + used**2) * steady * (1 - EDGE * share) * carried * usual
     figures = {"form": reading.form, "used": used, "steady": steady, "held": share}
-    return JudgedReading(reading, score, up, reading.kind == "wall" or is_line, figures)
+    built_in = reading.kind == "wall" or (is_line and not reading.places[0].is_loop)
+    return JudgedReading(reading, score, up, built_in, figures)
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
