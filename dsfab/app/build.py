@@ -106,7 +106,8 @@ def build(
 
     source, page = source.with_overrides(*files.preset_overrides(), *step.overrides()), BuildPage(output)
     proposal = source.proposal(preset)
-    page.print_lines((*proposal.questions, *proposal.lines) if proposal else ())
+    if proposal:
+        page.print_lines((*proposal.questions, *(proposal.lines if output.verbose else proposal.main_lines)))
     loaded = source.read_preset(preset, proposal, "open")
     for suffix in loaded.export.formats:
         FORMATS["." + suffix].ready()

@@ -51,7 +51,7 @@ class BuildPage:
         for line in lines:
             if not self.output.quiet:
                 print_result(line)
-            self._count += 1
+            self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
         """Return functions that print the verdict, and the path of the picture while slow files are made."""
@@ -88,7 +88,7 @@ class BuildPage:
         from dsfab.study import sizing_result
 
         facts, verbose = saved.facts, self.output.verbose
-        self.print_lines([caption(design)])
+        self.print_lines([caption(design)] if verbose else [])
         if sizing := sizing_result(design):
             self.print_lines(sizing.lines(every=verbose))
         self.print_lines(reaction_lines(facts["carrying"]["reactions"], verbose))

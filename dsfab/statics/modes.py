@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import eigh
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
@@ -11,7 +12,14 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import curvatures
 from dsfab.statics.boundary_conditions import all_clamped, require_held, with_springs
 from dsfab.statics.elements import BUBBLES, Elements, assemble_blocks, edge_frames, elements_of
-from dsfab.statics.factorisation import Factor, FactorCache, FactorFunction, stiffness_factor
+from dsfab.statics.factorisation import (
+    REFINEMENTS,
+    Factor,
+    FactorCache,
+    FactorFunction,
+    refined_solution,
+    stiffness_factor,
+)
 from dsfab.statics.model import SheetModel
 from dsfab.statics.solve import Equilibrium, flat_axis, held_unknowns
 from dsfab.statics.stiffness import sheet_stiffness
@@ -311,15 +319,38 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int) -> tuple[Floats
         mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
+    is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
+    mu, x = mu[is_mode], x[:, is_mode]
     defects = inner @ x - mu * (factor.inner @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
-    is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
-    if not (residual[is_mode] <= MODE_RESIDUAL * mu[is_mode]).all():
+    if not (residual <= MODE_RESIDUAL * mu).all():
+        mu, x, residual = _refined_eigenpairs(inner, factor, mu, x)
+    if not (residual <= MODE_RESIDUAL * mu).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
-    order = np.argsort(-mu[is_mode])
-    full = np.zeros((is_mode.sum(), A.shape[0]))
-    full[:, factor.free] = (factor.scale[:, None] * x[:, is_mode][:, order]).T
-    return mu[is_mode][order], full
+    order = np.argsort(-mu)
+    full = np.zeros((len(mu), A.shape[0]))
+    full[:, factor.free] = (factor.scale[:, None] * x[:, order]).T
+    return mu[order], full
+
+
+def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return eigenvalues (k,), vectors, and the last change of each eigenvalue, by the method of Davidson [1975].
+    Its solutions are refined. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu
+    and hides the residual of even an exact vector. Eigenvalues still converge, with the square of the vector's error."""
+    Kx, change = (factor.map.astype(np.longdouble) @ x).astype(np.float64), np.full(len(mu), np.inf)
+    for _ in range(REFINEMENTS):
+        if (change <= MODE_RESIDUAL * mu).all():
+            break
+        defects = A @ x - mu * Kx
+        steps, _ = refined_solution(factor.map, defects, factor.solve)
+        energies = np.sqrt(np.abs(np.einsum("nk,nk->k", defects, steps)))
+        basis, forces = (np.concatenate(pair, axis=1) for pair in ((x, steps / energies), (Kx, defects / energies)))
+        energy = basis.T @ forces
+        _, c = eigh(basis.T @ (A @ basis), (energy + energy.T) / 2, subset_by_index=(len(mu), 2 * len(mu) - 1))
+        x, Kx = basis @ c, forces @ c
+        earlier, mu = mu, np.einsum("nk,nk->k", x, A @ x) / np.einsum("nk,nk->k", x, Kx)
+        change = np.abs(mu - earlier)
+    return mu, x, change
 
 
 def _normalised_shapes(shapes: Floats) -> Floats:

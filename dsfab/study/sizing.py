@@ -81,10 +81,11 @@ class SizingResult:
         """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
-        shown = stock if every else stock[max(0, k - 2) : k + 2]
+        shown = stock if every else stock[max(0, k - 1) : k + 1]
         rows = [trial.row for trial in self.trials if trial.is_final or trial.thickness in shown]
         yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
-        yield f"thicknesses: {self.stock}"
+        if every:
+            yield f"thicknesses: {self.stock}"
         if self.changes:
             values = ", ".join(f"{key} = {value:g}" for key, value in self.changes.items())
             yield f"no thickness suffices with the pattern of the preset; changed: {values}"

@@ -1,7 +1,7 @@
 """Decisions about a mesh: the `Proposal`, which contains a preset for `dsfab build`."""
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -53,11 +53,13 @@ class Proposal:
     @property
     def lines(self) -> tuple[str, ...]:
         """One line for each decision: topic, choice, and the key that changes it."""
-        width = max(len(decision.topic) for decision in self.decisions)
-        return tuple(
-            f"{decision.topic:<{width}}  {decision.choice}" + (f"; change {decision.change}" if decision.change else "")
-            for decision in self.decisions
-        )
+        return _decision_lines(self.decisions)
+
+    @property
+    def main_lines(self) -> tuple[str, ...]:
+        """The lines of decisions that a user should check: all but those on the mesh, the pattern and the files."""
+        routine = ("mesh", "pattern", "widths", "files")
+        return _decision_lines([decision for decision in self.decisions if decision.topic not in routine])
 
     def text(self, file: Path | None = None) -> str:
         """Return the preset as TOML; the text names no file for a mesh from Python.
@@ -74,6 +76,14 @@ class Proposal:
         else:
             values["surface"]["file"] = Path(self.given.keys["file"]).absolute()
         return preset_from(values, f"proposal for {self.given.name}")
+
+
+def _decision_lines(decisions: Sequence[Decision]) -> tuple[str, ...]:
+    width = max(len(decision.topic) for decision in decisions)
+    return tuple(
+        f"{decision.topic:<{width}}  {decision.choice}" + (f"; change {decision.change}" if decision.change else "")
+        for decision in decisions
+    )
 
 
 def preset_for(

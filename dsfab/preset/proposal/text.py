@@ -128,7 +128,6 @@ def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
     if surface.loops:
         yield _entry("rim", size.rim, "m of material along edges and openings")
     yield _entry("fillet", size.fillet, "m, radius of the corners of openings")
-    yield _entry("crowding", "avoid", "try other patterns where openings would be filled side by side; or note")
 
 
 def _families(size: Sizes) -> Iterator[list[str]]:
