@@ -336,7 +336,7 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int) -> tuple[Floats
 def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors, and the last change of each eigenvalue, by the method of Davidson [1975].
     Its solutions are refined. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu
-    and hides the residual of even an exact vector. Eigenvalues still converge, with the square of the vector's error."""
+    and hides the residual of even an exact vector. Eigenvalues still converge: their error is the vector's, squared."""
     Kx, change = (factor.map.astype(np.longdouble) @ x).astype(np.float64), np.full(len(mu), np.inf)
     for _ in range(REFINEMENTS):
         if (change <= MODE_RESIDUAL * mu).all():
