@@ -337,16 +337,20 @@ def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> 
     """Return eigenvalues (k,), vectors, and the last change of each eigenvalue, by the method of Davidson [1975].
     Its solutions are refined. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu
     and hides the residual of even an exact vector. Eigenvalues still converge: their error is the vector's, squared."""
-    Kx, change = (factor.map.astype(np.longdouble) @ x).astype(np.float64), np.full(len(mu), np.inf)
+    K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
+    Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):
         if (change <= MODE_RESIDUAL * mu).all():
             break
-        defects = A @ x - mu * Kx
-        steps, _ = refined_solution(factor.map, defects, factor.solve)
-        energies = np.sqrt(np.abs(np.einsum("nk,nk->k", defects, steps)))
-        basis, forces = (np.concatenate(pair, axis=1) for pair in ((x, steps / energies), (Kx, defects / energies)))
+        steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
+        moves = (K @ steps).astype(np.float64)
+        energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
+        far = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
+        steps, moves = steps[:, far] / energies[far], moves[:, far] / energies[far]
+        basis, forces = np.concatenate([x, steps], axis=1), np.concatenate([Kx, moves], axis=1)
         energy = basis.T @ forces
-        _, c = eigh(basis.T @ (A @ basis), (energy + energy.T) / 2, subset_by_index=(len(mu), 2 * len(mu) - 1))
+        limits = (basis.shape[1] - len(mu), basis.shape[1] - 1)
+        _, c = eigh(basis.T @ (A @ basis), (energy + energy.T) / 2, subset_by_index=limits)
         x, Kx = basis @ c, forces @ c
         earlier, mu = mu, np.einsum("nk,nk->k", x, A @ x) / np.einsum("nk,nk->k", x, Kx)
         change = np.abs(mu - earlier)
