@@ -79,6 +79,9 @@ the mode [Parlett 1980, 4.5]. Rounding alone gives 6e-4 on a cut saddle whose sh
 its square is nearer to the true error."""
 
 
+INDEPENDENT = 1e-6  # Least share of the energy of a unit vector that is not in the span of other unit vectors.
+
+
 @dataclass(frozen=True, eq=False)
 class Vibration:
     """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), each with maximum 1."""
@@ -346,11 +349,12 @@ def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> 
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
         far = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
-        steps, moves = steps[:, far] / energies[far], moves[:, far] / energies[far]
-        basis, forces = np.concatenate([x, steps], axis=1), np.concatenate([Kx, moves], axis=1)
+        basis = np.concatenate([x, steps[:, far] / energies[far]], axis=1)
+        forces = np.concatenate([Kx, moves[:, far] / energies[far]], axis=1)
         energy = basis.T @ forces
-        limits = (basis.shape[1] - len(mu), basis.shape[1] - 1)
-        _, c = eigh(basis.T @ (A @ basis), (energy + energy.T) / 2, subset_by_index=limits)
+        weight, axes = eigh((energy + energy.T) / 2)
+        axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # steps may be nearly parallel
+        c = axes @ eigh(axes.T @ (basis.T @ (A @ basis)) @ axes)[1][:, -len(mu) :]
         x, Kx = basis @ c, forces @ c
         earlier, mu = mu, np.einsum("nk,nk->k", x, A @ x) / np.einsum("nk,nk->k", x, Kx)
         change = np.abs(mu - earlier)
