@@ -50,7 +50,7 @@ LEAST, DOUBT = 0.02, 0.25
 """Score below which a reading is not plausible, and score below which it is doubtful."""
 CLOSE = 0.75
 """A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely."""
-OPEN = 0.15
+OPEN = 0.13
 UNDER = 0.7
 """Factor on a vertical axis with which a surface would lie under the ground."""
 
@@ -103,7 +103,8 @@ def judgement(shape: Shape, reading: SupportReading, up: Up = "z", usual: float 
     carried = 1 - float(surface.vertex_areas[free].sum()) / surface.area
     score = reading.form / (1 + used**2) * steady * (1 - EDGE * share) * carried * usual
     figures = {"form": reading.form, "used": used, "steady": steady, "held": share}
-    return JudgedReading(reading, score, up, reading.kind == "wall" or is_line, figures)
+    cantilevers = is_line and (bool(shape.large) or not reading.places[0].is_loop)  # a sheet within its edge needs none
+    return JudgedReading(reading, score, up, reading.kind == "wall" or cantilevers, figures)
 
 
 def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward: Floats, is_line: bool) -> float:
@@ -206,7 +207,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """JudgedReading readings that are close to the best one, at most two."""
+        """Readings that are close to the best one, at most two."""
         return [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score][:2]
 
     @property
@@ -227,7 +228,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     """Return the choice for a surface with edges.
 
     surface : in metres, or in the numbers of its file if the unit is open.
-    axes    : possible vertical axes, candidate with a factor on its scores.
+    axes    : possible vertical axes, each with a factor on its scores.
     unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
     Raises PresetError if no reading is plausible, or if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
@@ -260,7 +261,8 @@ def _readings(shape: Shape, stand: str) -> list[SupportReading]:
     except ValueError:
         return [reading for reading in readings(shape) if reading.word == stand]
     kind: Kind = "wall" if shape.wall > 0.5 else "floor" if shape.is_floor else "roof"
-    return [SupportReading(stand, kind, numbered_places("base", low_places(shape, reach)), DRAWN)]
+    places = numbered_places("base", low_places(shape, reach))
+    return [SupportReading(stand, kind, places, DRAWN)] if places else []
 
 
 def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:
