@@ -51,7 +51,7 @@ class BuildPage:
         for line in lines:
             if not self.output.quiet:
                 print_result(line)
-            self._count += 1
+            self._count += 1 + line.count("\n")
 
     def announcements(self, design: "Design", reporter: Reporter, picture: bool) -> "Announcements":
         """Return functions that print the verdict, and the path of the picture while slow files are made."""

@@ -182,13 +182,11 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The judged readings of a surface, the best first.
-    unit, units : its unit, and how likely each unit is; empty if the unit is known.
-    shape       : the coarse shape of the best reading."""
+    unit, units : its unit, and how likely each unit is; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
     units: tuple[tuple[str, float], ...]
-    shape: Shape
 
     @property
     def best(self) -> JudgedReading:
@@ -230,7 +228,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     surface : in metres, or in the numbers of its file if the unit is open.
     axes    : possible vertical axes, each with a factor on its scores.
     unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
-    Raises PresetError if no reading is plausible, or if no reading has the word."""
+    Raises PresetError if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     choices = []
     for up, factor in axes.items():
@@ -248,7 +246,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     if not ranking:
         raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
     winner = next(candidate for candidate in choices if ranking[0] in candidate[0])
-    return SupportChoice(tuple(ranking), *winner[1:])
+    return SupportChoice(tuple(ranking), *winner[1:3])
 
 
 def _readings(shape: Shape, stand: str) -> list[SupportReading]:
