@@ -78,10 +78,12 @@ class SizingResult:
         return self.trials[-1].worst <= 1
 
     def lines(self, every: bool = False) -> Iterator[str]:
-        """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks."""
+        """Yield lines: a table of the trials, of `every` thickness or of those next to the design's, then remarks.
+        If several patterns were tried, the short table has one thickness of each."""
         thickness, stock = self.trials[-1].thickness, sorted({trial.thickness for trial in self.trials})
         k = stock.index(thickness)
-        shown = stock if every else stock[max(0, k - 1) : k + 1]
+        shown = stock[max(0, k - 1) : k + 1] if len(self.trials) <= len(stock) + OWN_CUTS else [thickness]
+        shown = stock if every else shown
         rows = [trial.row for trial in self.trials if trial.is_final or trial.thickness in shown]
         yield table(("thickness", "material", "utilisation", "movement", "buckling", "mass", ""), rows)
         if every:

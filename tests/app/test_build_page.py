@@ -66,8 +66,8 @@ def test_a_short_table_has_the_worst_case_of_the_largest_supports():
 
 def test_a_page_keeps_to_its_lines_and_says_how_many_are_left_out(capsys):
     page = BuildPage(Output())
-    page.print_lines(f"{k}" for k in range(12))
-    page._print_list("you should know", [f"note {k}" for k in range(30)], LINES - 12)
+    page.print_lines([*(f"{k}" for k in range(9)), "a table\nof three\nlines"])
+    page._print_list("you should know", [f"note {k}" for k in range(30)], LINES - page._count)
     said = capsys.readouterr().out.splitlines()
     assert len(said) == LINES
     assert said[12] == "you should know:"

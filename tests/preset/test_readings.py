@@ -83,8 +83,17 @@ def test_the_user_names_what_holds_a_surface():
     assert len(low.plan.stands) == 4
     assert max(place.points[:, 2].max() for place in low.plan.stands) <= surface.V[:, 2].min() + 0.5
     assert all(support.clamp for support in low.preset.surface.support)
-    with pytest.raises(PresetError, match="--stand loops: the surface has no such place; use feet, "):
-        propose(surface, wishes=MeshWishes("loops"))
+    for word in ("loops", "-1", "nan"):
+        with pytest.raises(PresetError, match=f"--stand {word}: the surface has no such place; use feet, "):
+            propose(surface, wishes=MeshWishes(word))
+
+
+@pytest.mark.parametrize(
+    ("name", "built_in"), [("slab", False), ("cupola", False), ("wall", True), ("oval ring", True)]
+)
+def test_a_sheet_that_its_edge_surrounds_is_not_built_in(name, built_in):
+    """Walls below a floor let it turn; a slab that is built in moves by a third only, which is not on the safe side."""
+    assert propose(MEANT[name].surface).plan.built_in == built_in
 
 
 def test_a_sheet_that_nothing_plausible_holds_is_refused():
@@ -145,9 +154,15 @@ def test_the_user_names_loads_with_their_values():
     assert dict(proposal.plan.loads) == {"snow": 1200.0, "wind": 500.0}
     assert {load.case for load in proposal.preset.surface.load} == {"load", "wind", "wind_back"}
     assert not propose(dome(edge=0.8), wishes=MeshWishes(loads=("none",))).plan.loads
-    for text in ("hail", "snow=much", "snow=-1"):
-        with pytest.raises(PresetError, match=f"--load {text} is not known"):
-            propose(dome(edge=0.8), wishes=MeshWishes(loads=(text,)))
+    unknown, number = "--load hail is not known; use snow", "is not a positive number"
+    for texts, words in (
+        (["hail"], unknown),
+        (["snow=much"], number),
+        (["snow=-1"], number),
+        (["snow", "none"], "none"),
+    ):
+        with pytest.raises(PresetError, match=words):
+            propose(dome(edge=0.8), wishes=MeshWishes(loads=tuple(texts)))
 
 
 def test_a_part_of_an_edge_survives_another_mesh():

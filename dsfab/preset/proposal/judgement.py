@@ -50,7 +50,7 @@ LEAST, DOUBT = 0.02, 0.25
 """Score below which a reading is not plausible, and score below which it is doubtful."""
 CLOSE = 0.75
 """A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely."""
-OPEN = 0.15
+OPEN = 0.13
 UNDER = 0.7
 """Factor on a vertical axis with which a surface would lie under the ground."""
 
@@ -182,13 +182,11 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
 @dataclass(frozen=True, eq=False)
 class SupportChoice:
     """The judged readings of a surface, the best first.
-    unit, units : its unit, and how likely each unit is; empty if the unit is known.
-    shape       : the coarse shape of the best reading."""
+    unit, units : its unit, and how likely each unit is; empty if the unit is known."""
 
     ranking: tuple[JudgedReading, ...]
     unit: str
     units: tuple[tuple[str, float], ...]
-    shape: Shape
 
     @property
     def best(self) -> JudgedReading:
@@ -207,7 +205,7 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """JudgedReading readings that are close to the best one, at most two."""
+        """Readings that are close to the best one, at most two."""
         return [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score][:2]
 
     @property
@@ -228,9 +226,9 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     """Return the choice for a surface with edges.
 
     surface : in metres, or in the numbers of its file if the unit is open.
-    axes    : possible vertical axes, candidate with a factor on its scores.
+    axes    : possible vertical axes, each with a factor on its scores.
     unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
-    Raises PresetError if no reading is plausible, or if no reading has the word."""
+    Raises PresetError if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
     choices = []
     for up, factor in axes.items():
@@ -248,7 +246,7 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     if not ranking:
         raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
     winner = next(candidate for candidate in choices if ranking[0] in candidate[0])
-    return SupportChoice(tuple(ranking), *winner[1:])
+    return SupportChoice(tuple(ranking), *winner[1:3])
 
 
 def _readings(shape: Shape, stand: str) -> list[SupportReading]:
@@ -261,7 +259,8 @@ def _readings(shape: Shape, stand: str) -> list[SupportReading]:
     except ValueError:
         return [reading for reading in readings(shape) if reading.word == stand]
     kind: Kind = "wall" if shape.wall > 0.5 else "floor" if shape.is_floor else "roof"
-    return [SupportReading(stand, kind, numbered_places("base", low_places(shape, reach)), DRAWN)]
+    places = numbered_places("base", low_places(shape, reach))
+    return [SupportReading(stand, kind, places, DRAWN)] if places else []
 
 
 def _no_word(stand: str, candidates: Sequence[SupportReading]) -> str:

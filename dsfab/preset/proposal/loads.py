@@ -45,12 +45,18 @@ class MeshWishes:
         pressures = {}
         for text in self.loads:
             name, _, value = text.partition("=")
-            number = _positive(value) if value else PRESSURE.get(name, 0.0) / 1000
-            if name == "none":
+            if text == "none" and len(self.loads) == 1:
                 continue
-            if name not in PRESSURE or not number:
+            if text == "none":
+                raise PresetError("--load none leaves out every load but the weight; remove it, or the other --load")
+            if name not in PRESSURE:
                 words = ", ".join(PRESSURE)
                 raise PresetError(f"--load {text} is not known; use {words} or none, with a value in kPa: snow=1.2")
+            number = _positive(value) if value else PRESSURE[name] / 1000
+            if not number:
+                raise PresetError(
+                    f"--load {text}: {value!r} is not a positive number; give kPa, for instance {name}=1.2"
+                )
             pressures[name] = 1000 * number
         return pressures
 

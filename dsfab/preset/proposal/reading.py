@@ -158,7 +158,7 @@ def mesh_in_file(
         keys["max_triangles"] = max_triangles
     words = _unit_words(surface, chosen, raw.unit, unit)
     decisions = [
-        Decision("unit", words, "surface.unit, or --unit cm"),
+        Decision("unit", words, f"surface.unit, or --unit {'mm' if chosen.unit == 'cm' else 'cm'}"),
         *_file_decisions(raw, better, scan, file_surface),
     ]
     if len(better.record.repaired) > len(raw.record.repaired):
