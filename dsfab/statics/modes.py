@@ -348,9 +348,9 @@ def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> 
         steps, _ = refined_solution(factor.map, A @ x - mu * Kx, factor.solve)
         moves = (K @ steps).astype(np.float64)
         energies = np.sqrt(np.einsum("nk,nk->k", steps, moves).clip(0))
-        far = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
-        basis = np.concatenate([x, steps[:, far] / energies[far]], axis=1)
-        forces = np.concatenate([Kx, moves[:, far] / energies[far]], axis=1)
+        inexact = energies > MODE_RESIDUAL * mu  # steps of exact vectors are rounding errors
+        basis = np.concatenate([x, steps[:, inexact] / energies[inexact]], axis=1)
+        forces = np.concatenate([Kx, moves[:, inexact] / energies[inexact]], axis=1)
         energy = basis.T @ forces
         weight, axes = eigh((energy + energy.T) / 2)
         axes = axes[:, weight > INDEPENDENT] / np.sqrt(weight[weight > INDEPENDENT])  # steps may be nearly parallel

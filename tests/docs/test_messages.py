@@ -20,7 +20,7 @@ COMMANDS = {
     "and no faces": "build points.obj",
     "would move": "build dome --set statics.young=1e7",
     "which is impossible": "build dome --set statics.thickness=60",
-    "touch no support": "build two.obj",
+    "touch no support": "build two.obj --set surface.support=[{at={pick='boundary',loop=0},hold='xyz'}]",
     "would give about": "build dome --set surface.edge=0.001",
     "not found": "build domme",
     "is not valid TOML": "build unquoted.toml",

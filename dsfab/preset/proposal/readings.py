@@ -23,6 +23,8 @@ WALLS = 0.8
 """Least form of a level and low edge that stands on walls around columns."""
 APART = 12.0
 """Largest distance between posts along a strip, metres."""
+GROUND = 0.005
+"""An inner edge of a wall above this share of the height is a window, else the base of an inner wall."""
 BAY = 7.5
 """Usual distance between the columns of a grid, metres."""
 MOST = 200
@@ -216,13 +218,15 @@ def _whole_edges(shape: Shape) -> Iterator[SupportReading]:
     kind: Kind = "floor" if shape.is_floor else "roof"
     name = "edge" if shape.is_floor else "base ring"
     floor = max(_roof(shape), float(shape.is_floor))
-    yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * floor * _mean(outer))
     drop = _mean([edge.z.mean() for edge in shape.outer]) - _mean([edge.z.mean() for edge in shape.large])
+    is_vault = bool(shape.large) and shape.rise > 0.05 * shape.width and abs(drop) < 0.05 * shape.rise
+    loss = LEFT if is_vault else 1.0  # an inner edge as low as the outer is no opening
+    yield SupportReading("edge", kind, _whole(shape, shape.outer, name), DRAWN * loss * floor * _mean(outer))
     below = drop > max(0.3 * shape.rise, 0.015 * shape.width)
-    usual = (DRAWN if below else USUAL) * _roof(shape)
+    usual = loss * (DRAWN if below else USUAL) * _roof(shape)
     yield SupportReading("ring", "roof", _whole(shape, shape.large, "inner edge"), usual * _mean(inner))
     if shape.large:
-        form = USUAL * _roof(shape) * (_mean(outer) + _mean(inner)) / 2
+        form = (DRAWN if is_vault else USUAL) * _roof(shape) * (_mean(outer) + _mean(inner)) / 2
         yield SupportReading("edges", "roof", _whole(shape, [*shape.outer, *shape.large], "edge"), form)
     high = _mean([edge.levelness * (1 - shape.lowness(edge)) for edge in shape.outer])
     word = "rim" if shape.lugs else "hung"
@@ -291,16 +295,20 @@ def _columns(shape: Shape) -> Iterator[SupportReading]:
 def _base(shape: Shape) -> Iterator[SupportReading]:
     """Yield the base of a wall or a tower: the parts of its large edges that are near the ground."""
     if shape.wall:
-        places = low_places(shape, RISE * shape.rise)
+        ground = shape.surface.V[:, 2].min() + GROUND * shape.rise
+        windows = [edge for edge in shape.large if edge.z.min() > ground]
+        edges = [edge for edge in (*shape.outer, *shape.large) if edge not in windows]
+        places = low_places(shape, RISE * shape.rise, edges)
         cover = sum(place.length for place in places) / np.ptp(shape.surface.V[:, :2], axis=0).max()
         form = DRAWN * RARER * shape.wall * min(1, cover)
         yield SupportReading("base", "wall", numbered_places("base", places), form)
 
 
-def low_places(shape: Shape, reach: float) -> list[SupportPlace]:
-    """Return the parts of the large edges that are at most `reach` metres over the lowest point of the surface."""
+def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[SupportPlace]:
+    """Return the parts of edges that are at most `reach` metres over the lowest point of the surface.
+    edges : by default all large edges."""
     highest, places = shape.surface.V[:, 2].min() + reach, list[SupportPlace]()
-    for edge in (*shape.outer, *shape.large):
+    for edge in edges or (*shape.outer, *shape.large):
         low = edge.z <= highest
         if low.all():
             places.append(_whole(shape, [edge], "base")[0])
