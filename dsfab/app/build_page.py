@@ -59,7 +59,7 @@ class BuildPage:
 
         def print_verdict(judged: "Carrying") -> None:
             reporter.done()
-            self._print_verdict(design.preset.name, judged)
+            self._print_verdict(design, judged)
 
         def print_picture(folder: Path) -> None:
             reporter.done()
@@ -68,15 +68,17 @@ class BuildPage:
 
         return Announcements(print_verdict, print_picture)
 
-    def _print_verdict(self, name: str, judged: "Carrying") -> None:
+    def _print_verdict(self, design: "Design", judged: "Carrying") -> None:
         from dsfab.report.design.carrying import carrying_notes, cure_line, figure_lines, verdict_line
+        from dsfab.study import sizing_result
 
+        name = design.preset.name
         self.faulty = judged.outcome == "does not carry"
         self.print_lines([verdict_line(name, judged)])
         if self.faulty:
             if self.output.quiet:  # quiet prints errors only, and this is one
                 sys.stderr.write(f"dsfab: {verdict_line(name, judged)}\n")
-            self.print_lines([f"you must act: {cure_line(judged)}"])
+            self.print_lines([f"you must act: {cure_line(judged, sizing_result(design) is not None)}"])
         self.print_lines(figure_lines(judged))
         self._know = [*carrying_notes(judged)]
         sys.stdout.flush()

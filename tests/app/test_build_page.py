@@ -26,6 +26,7 @@ def test_the_first_line_tells_whether_and_why():
     weak = judged(1.5, faults=("A07 is used to 150% of its resistance",))
     assert verdict_line("roof", weak) == "roof DOES NOT CARRY its loads: A07 is used to 150% of its resistance"
     assert "--set statics.thickness=0.075" in cure_line(weak)
+    assert "no thickness of the stock suffices" in cure_line(weak, is_sized=True)
     assert cure_line(judged()) == ""
     assert verdict_line("bob", Carrying(1.0, 1.0, remarks=("no strength",))) == "bob is not judged: no strength"
 

@@ -184,7 +184,8 @@ def _questions(proposal: Proposal) -> Iterator[str]:
     mesh, choice, winner = proposal.given, proposal.given.choice, proposal.given.choice.best
     if unit := choice.rival_unit:
         words = next(decision.choice for decision in mesh.decisions if decision.topic == "unit")
-        yield f"is {mesh.name} in {choice.unit} or in {unit}? {words}; if that is wrong, add --unit {unit}"
+        names = [{"in": "inches", "ft": "feet"}.get(name, name) for name in (choice.unit, unit)]
+        yield f"is {mesh.name} in {names[0]} or in {names[1]}? {words}; if that is wrong, add --unit {unit}"
     if "support" in proposal.plan.marks or proposal.wishes.stand:
         return
     for rival in choice.rivals:

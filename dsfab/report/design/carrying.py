@@ -33,10 +33,13 @@ def verdict_line(name: str, carrying: "Carrying") -> str:
     return f"{name} carries its loads"
 
 
-def cure_line(carrying: "Carrying") -> str:
-    """Return the likely cure of a design that does not carry; '' for any other."""
+def cure_line(carrying: "Carrying", is_sized: bool = False) -> str:
+    """Return the likely cure of a design that does not carry; '' for any other.
+    is_sized : true if sizing has tried every thickness of the stock, and more material."""
     if not carrying.faults:
         return ""
+    if is_sized:
+        return "no thickness of the stock suffices: add supports (--stand), give the surface more rise, or load it less"
     thicker = f"make it thicker (--set statics.thickness={1.25 * carrying.thickness:.2g})"
     return f"{thicker}, keep more material (--set pattern.width.solid_fraction=...), or support it otherwise"
 
