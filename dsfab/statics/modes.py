@@ -307,9 +307,10 @@ def _largest_eigenpairs(
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
 
 
-def largest_eigenpairs(A: csr_array, factor: Factor, count: int) -> tuple[Floats, Floats]:
+def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    Raises StaticsError if the modes do not converge."""
+    are_results : False for vectors that only span a basis, which may be off by rounding.
+    Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
@@ -324,16 +325,22 @@ def largest_eigenpairs(A: csr_array, factor: Factor, count: int) -> tuple[Floats
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
     is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
     mu, x = mu[is_mode], x[:, is_mode]
-    defects = inner @ x - mu * (factor.inner @ x)
-    residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
-    if not (residual <= MODE_RESIDUAL * mu).all():
-        mu, x, residual = _refined_eigenpairs(inner, factor, mu, x)
-    if not (residual <= MODE_RESIDUAL * mu).all():
-        raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
+    if are_results and len(mu):
+        mu, x = _accurate_eigenpairs(inner, factor, mu, x)
     order = np.argsort(-mu)
     full = np.zeros((len(mu), A.shape[0]))
     full[:, factor.free] = (factor.scale[:, None] * x[:, order]).T
     return mu[order], full
+
+
+def _accurate_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats]:
+    defects = A @ x - mu * (factor.inner @ x)
+    residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
+    if not (residual <= MODE_RESIDUAL * mu).all():
+        mu, x, residual = _refined_eigenpairs(A, factor, mu, x)
+    if not (residual <= MODE_RESIDUAL * mu).all():
+        raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
+    return mu, x
 
 
 def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:

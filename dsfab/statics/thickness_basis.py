@@ -217,5 +217,5 @@ def _buckling_modes(
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
             with suppress(StaticsError):  # barely compressed
                 factor = factor_of(surface, across.matrix(thickness), across.is_held)
-                modes.append(largest_eigenpairs(minus_Kg, factor, MODES)[1].T)
+                modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes
