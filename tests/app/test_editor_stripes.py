@@ -75,6 +75,7 @@ def test_each_control_names_the_pattern_method_that_uses_its_key(dome):
     table = {control["key"]: control for control in controls(dome.preset, dome.surface)}
     assert table["pattern.method"]["choices"] == ("modes", "stripes", "auto")
     assert {key for key, control in table.items() if control["method"] == "stripes"} == {
+        "pattern.crowding",
         "pattern.forces",
         "pattern.halve",
         "pattern.symmetry",

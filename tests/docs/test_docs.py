@@ -170,7 +170,7 @@ def test_the_table_of_materials_is_that_of_dsfab():
 
 @pytest.mark.slow
 def test_the_preset_of_the_readme_builds(tmp_path):
-    text, combined = blocks("toml", "docs/supports-and-loads.md")
+    text, sizing, combined = blocks("toml", "docs/supports-and-loads.md")
     optimal, steered, drawn = blocks("toml", "docs/patterns.md")
     (workshop,) = blocks("toml", "docs/workshop.md")
     (tmp_path / "canopy.toml").write_text(text, encoding="utf-8")
@@ -182,6 +182,8 @@ def test_the_preset_of_the_readme_builds(tmp_path):
     loads = [*tomllib.loads(text)["surface"]["load"], people]
     sums = dsfab.load_preset(tmp_path / "canopy.toml", {"surface.load": loads, **given}).surface.sums
     assert "1.35 dead + 1.6 people + 0.96 snow" in [one.formula for one in sums]
+    targets = {f"sizing.{key}": value for key, value in tomllib.loads(sizing)["sizing"].items()}
+    assert dsfab.load_preset(tmp_path / "canopy.toml", targets).sizing.movement == 300
     along = {f"pattern.{key}": value for key, value in tomllib.loads(optimal)["pattern"].items()}
     assert dsfab.load_preset(tmp_path / "canopy.toml", along).pattern.forces == "optimal"
     more = {f"pattern.{key}": value for key, value in tomllib.loads(steered)["pattern"].items()}

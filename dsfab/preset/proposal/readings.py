@@ -23,6 +23,8 @@ WALLS = 0.8
 """Least form of a level and low edge that stands on walls around columns."""
 APART = 12.0
 """Largest distance between posts along a strip, metres."""
+FRAGMENT = 0.1
+"""A support smaller than this share of the largest is a bump of the mesh."""
 GROUND = 0.005
 """An inner edge of a wall above this share of the height is a window, else the base of an inner wall."""
 BAY = 7.5
@@ -305,7 +307,7 @@ def _base(shape: Shape) -> Iterator[SupportReading]:
 
 
 def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[SupportPlace]:
-    """Return the parts of edges that are at most `reach` metres over the lowest point of the surface.
+    """Return the parts of edges that are at most `reach` metres over the lowest point, without fragments.
     edges : by default all large edges."""
     highest, places = shape.surface.V[:, 2].min() + reach, list[SupportPlace]()
     for edge in edges or (*shape.outer, *shape.large):
@@ -318,7 +320,8 @@ def low_places(shape: Shape, reach: float, edges: Sequence[Edge] = ()) -> list[S
             end = ends[(ends - start) % len(low) == ((ends - start) % len(low)).min()][0]
             if end != start:
                 places.append(_edge_place(edge.part(int(start), int(end))))
-    return places
+    enough = FRAGMENT * max((place.length for place in places), default=0.0)
+    return [place for place in places if place.length >= enough]
 
 
 def soles(surface: Surface) -> tuple[SupportPlace, ...]:
@@ -328,7 +331,7 @@ def soles(surface: Surface) -> tuple[SupportPlace, ...]:
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]
     _, part = link_components(surface.n, ends[:, 0], ends[:, 1])
     groups: list[Ints] = [np.flatnonzero(low & (part == k)) for k in np.unique(part[low])]
-    enough = 0.1 * max(map(len, groups))
+    enough = FRAGMENT * max(map(len, groups))
     return numbered_places("foot", [SupportPlace("", surface.V[group]) for group in groups if len(group) >= enough])
 
 
