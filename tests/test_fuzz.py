@@ -8,7 +8,7 @@ from tests.fuzz import corpus, oracles
 from tests.fuzz.__main__ import run
 from tests.hangs import ended_if_it_hangs
 
-SECONDS = 4
+SECONDS = 6
 """For each target in the slow part: `python -m tests.fuzz` takes as long as one likes."""
 FILES = 1500
 """At most, always the same ones: a machine that is faster than another must not find what has nothing to do with a
