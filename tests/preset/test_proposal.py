@@ -772,7 +772,7 @@ def with_a_door(radius: float, inside_out: bool = False) -> Surface:
 
 @pytest.mark.slow
 def test_snow_lies_on_top_of_nearly_closed_buildings():
-    """The integral of mu1 over the plan of a ball: .8 up to 30 degrees, then linear to 0 at 60: pi r^2 .8 (1/4 + 1/4)."""
+    """The integral of mu1 over the plan: .8 up to 30 degrees, then linear to 0 at 60: pi r^2 .8 (1/4 + 1/4)."""
     for inside_out in (False, True):
         proposal = propose(with_a_door(4.0, inside_out), wishes=MeshWishes(loads=("snow",)))
         snow = proposal.preset.surface.load[-1]
