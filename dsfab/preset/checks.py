@@ -93,8 +93,9 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
             model = LISTED[part]
         elif isinstance(field := getattr(model, "model_fields", {}).get(part), FieldInfo):
             model = field.annotation
-    fields: Any = getattr(model, "model_fields", None) or [field.name for field in dataclasses.fields(model)]
-    return list(fields)
+    if dataclasses.is_dataclass(model):
+        return [field.name for field in dataclasses.fields(model)]
+    return list(getattr(model, "model_fields", ()))  # a union that no tag resolves has no keys
 
 
 def _by_stated_tag(union: Any) -> dict[str, Any]:
