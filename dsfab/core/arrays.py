@@ -46,6 +46,12 @@ def lengths(vectors: Floats) -> Floats:
     return np.asarray(np.sqrt(x * x + y * y + z * z))
 
 
+def point_tuple(point: Floats) -> tuple[float, float, float]:
+    """Return a point (3,) as three numbers, without -0."""
+    x, y, z = (point + 0.0).tolist()
+    return x, y, z
+
+
 def row_max(rows: NDArray[Any]) -> NDArray[Any]:
     """Return the maximum (k,) of each row of an array (k, c) with few columns, in a fifth of numpy's time."""
     return np.asarray(reduce(np.maximum, rows.T))

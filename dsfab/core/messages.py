@@ -37,6 +37,11 @@ def coordinates(point: Sequence[float]) -> str:
     return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"
 
 
+def point_words(point: Iterable[float]) -> str:
+    """Return a point (metres) with three digits: '(1.5, 0, 0.333) m'."""
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in point)}) m"
+
+
 def sentence(words: str) -> str:
     """Return the text with a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."

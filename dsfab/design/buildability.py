@@ -5,7 +5,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError, SurfaceError
 from dsfab.core.limits import (
     AT_ONE_VERTEX,
@@ -15,7 +14,7 @@ from dsfab.core.limits import (
     LEAST_LOAD_SHARE,
     SOME_REACTION,
 )
-from dsfab.core.messages import force, length
+from dsfab.core.messages import force, length, point_words
 from dsfab.design.regions_and_loads import Acting, acting_on, whole_surface
 from dsfab.preset.model import Preset
 from dsfab.results import CaseResult, StaticsResult
@@ -67,7 +66,7 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
             away = float(np.linalg.norm(surface.V - point, axis=1).min())
             if away > FAR_FROM_SURFACE * surface.size:
                 messages.append(
-                    f"{name} is at {_place(point)}, {length(away)} away from the nearest vertex of the "
+                    f"{name} is at {point_words(point)}, {length(away)} away from the nearest vertex of the "
                     "surface: move the point, or check its unit (metres)"
                 )
     if messages and preset.statics.check:
@@ -83,8 +82,8 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
         vertex = int(np.linalg.norm(answer.u, axis=1).argmax())
         yield Objection(
             f"the sheet would move by {length(answer.largest_displacement)}{_case_clause(worst, cases)} at "
-            f"{_place(surface.V[vertex])}, over a tenth of its span of {length(span)}: increase statics.thickness, "
-            "take a stiffer material, a smaller load or more supports, or check the units"
+            f"{point_words(surface.V[vertex])}, over a tenth of its span of {length(span)}: increase "
+            "statics.thickness, take a stiffer material, a smaller load or more supports, or check the units"
         )
 
 
@@ -98,7 +97,7 @@ def _on_one_vertex(surface: Surface, acting: Acting, cases: Mapping[str, CaseRes
     names = zip(support_names(acting.support), acting.support, strict=True)
     holding = " and ".join(name for name, support in names if support.at.vertices(surface)[vertex])
     return Objection(
-        f"{least[vertex]:.0%} of the reaction is on one vertex, at {_place(surface.V[vertex])} ({holding}), and a "
+        f"{least[vertex]:.0%} of the reaction is on one vertex, at {point_words(surface.V[vertex])} ({holding}), and a "
         "sheet cannot stand on a point: let the support pick a region there, with a ball or a depth"
     )
 
@@ -110,7 +109,7 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
             count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
             yield Objection(
-                f"{entry.name} holds only {count}, at {_place(entry.place)}, and carries up to {share:.0%} of the "
+                f"{entry.name} holds only {count}, at {point_words(entry.place)}, and carries up to {share:.0%} of the "
                 "reaction: the stress there depends on the mesh; let the support pick a region, with a ball or a depth",
                 refuses=False,
             )
@@ -142,7 +141,3 @@ def _on_supports(
 
 def _case_clause(name: str, cases: Mapping[str, CaseResult]) -> str:
     return f" under {name}" if len(cases) > 1 else ""
-
-
-def _place(point: Floats) -> str:
-    return f"({', '.join(f'{x + 0.0:.3g}' for x in point)}) m"

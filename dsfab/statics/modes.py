@@ -131,7 +131,7 @@ def frequencies(
         K = sheet_stiffness(sheet, elements)
     no_force, not_loaded = np.zeros((surface.n, 3)), np.zeros(surface.n, dtype=bool)
     sheet_load = sheet.with_clamped_edges(LoadCase(fixed, no_force, not_loaded, no_force if spring is None else spring))
-    inverse, shapes = _largest_eigenpairs(surface, M, K, sheet_load, elements, count, factor_of)
+    inverse, shapes = _supported_modes(surface, M, K, sheet_load, elements, count, factor_of)
     return Vibration(1 / (2 * np.pi * np.sqrt(inverse)), shapes)
 
 
@@ -161,9 +161,7 @@ def buckling(
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
         K = sheet_stiffness(sheet, elements)
-    inverse, shapes = _largest_eigenpairs(
-        surface, minus_Kg, K, sheet.with_clamped_edges(load), elements, count, factor_of
-    )
+    inverse, shapes = _supported_modes(surface, minus_Kg, K, sheet.with_clamped_edges(load), elements, count, factor_of)
     return Buckling(1 / inverse, shapes)
 
 
@@ -289,7 +287,7 @@ def _mean_gradients(surface: Surface, names: tuple[str, ...]) -> Floats:
     return gradients
 
 
-def _largest_eigenpairs(
+def _supported_modes(
     surface: Surface,
     A: csr_array,
     K: csr_array,

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats
+from dsfab.core.arrays import Bools, Floats, point_tuple
 from dsfab.core.errors import DsfabError, StaticsError
 from dsfab.core.messages import length
 from dsfab.core.sparse import solver_name
@@ -223,23 +223,32 @@ def _factors(design: Design) -> dict[str, Mapping[str, float]]:
     return {name: case.factors for name, case in design.statics.cases.items() if case.factors is not None}
 
 
-def cut_carrying(statics: CutStatics, buckles: bool = True) -> Carrying:
-    """Return whether a solved cut sheet carries its loads. buckles : False to skip buckling, which costs a solve.
+def use_and_movement(statics: CutStatics) -> Carrying:
+    """Return the verdict on a solved cut sheet with its mass, movement and most used member alone, without faults.
     The most used member is that of the Eurocode for the material; without one, or without a member between two nodes,
     it is the von Mises stress over the strength that 99 % of the area does not exceed."""
-    moved, rows, mass = _movement(statics), _reactions(statics), _mass(statics.design, statics.thickness)
+    moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
-        stress = statics.stress(statics.preset.judged_in("ULS", statics.answers)[0]).largest
-        return Carrying(statics.thickness, mass, None, moved, reactions=rows, remarks=(NO_STRENGTH,), stress=stress)
+        return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
     use, remarks = _most_used(statics)
-    factor, case, aside = _buckling(statics) if buckles else (None, "", ())
-    faults = []
+    return Carrying(statics.thickness, mass, use, moved, remarks=remarks)
+
+
+def cut_carrying(statics: CutStatics) -> Carrying:
+    """Return whether a solved cut sheet carries its loads."""
+    outcome, rows = use_and_movement(statics), _reactions(statics)
+    use, faults = outcome.use, []
+    case = use.case if use else statics.preset.judged_in("ULS", statics.answers)[0]
+    outcome = replace(outcome, reactions=rows, stress=statics.stress(case).largest)
+    if use is None:
+        return outcome
+    factor, buckling_case, aside = _buckling(statics)
     if use.value > 1:
         faults.append(f"{use.member} is used to {use.value:.0%} of its resistance ({use.check})")
     if factor is not None and factor <= 1:
         faults.append(f"it buckles at {factor:.2g} times its load")
-    stress = statics.stress(use.case).largest
-    return Carrying(statics.thickness, mass, use, moved, factor, case, rows, tuple(faults), (*remarks, *aside), stress)
+    remarks = (*outcome.remarks, *aside)
+    return replace(outcome, buckling=factor, buckling_case=buckling_case, faults=tuple(faults), remarks=remarks)
 
 
 def _mass(design: Design, thickness: float) -> float:
@@ -267,7 +276,7 @@ def _most_used_by_code(statics: CutStatics) -> MemberUse:
     axis, s = graph.by_id[use.bays.member[bay]].axis, use.bays.s[bay, station]
     assert axis is not None  # only a member with an axis has bays
     place = axis.frames_at(np.array([s % axis.length if axis.closed else s]))[0][0]
-    return MemberUse(use.bays.member[bay], float(use.largest[bay]), _place(place), case, str(check))
+    return MemberUse(use.bays.member[bay], float(use.largest[bay]), point_tuple(place), case, str(check))
 
 
 def _member_forces(statics: CutStatics) -> "dict[str, MemberForces]":
@@ -298,7 +307,7 @@ def _most_stressed(statics: CutStatics) -> MemberUse:
         value = quantile(largest, surface.areas)
         rows.append((value, int(np.abs(largest - value).argmin()), name))
     value, face, case = max(rows)
-    member, place = _member_of(statics.design, face), _place(surface.centroids[face])
+    member, place = _member_of(statics.design, face), point_tuple(surface.centroids[face])
     return MemberUse(member, value / strength, place, case, "von Mises stress over strength, on 99 % of the area")
 
 
@@ -311,18 +320,13 @@ def _member_of(design: Design, face: int) -> str:
     return graph.members[owner].id if owner >= 0 else "the sheet"
 
 
-def _place(point: Floats) -> Place:
-    x, y, z = (float(value) for value in point + 0.0)
-    return x, y, z
-
-
 def _movement(statics: CutStatics) -> Movement:
     surface, answers = statics.model.surface, statics.answers
     names = statics.preset.judged_in("SLS", answers)
     case = max(names, key=lambda name: answers[name].largest_displacement)
     vertex = int(np.linalg.norm(answers[case].u, axis=1).argmax())
     span, about = judged_span(surface, statics.loads[case])
-    return Movement(answers[case].largest_displacement, _place(surface.V[vertex]), case, span, about)
+    return Movement(answers[case].largest_displacement, point_tuple(surface.V[vertex]), case, span, about)
 
 
 def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:

@@ -6,7 +6,7 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
+from dsfab.core.arrays import point_tuple
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import Status
 from dsfab.design import Progress, acting_on, sheet_loads
@@ -147,7 +147,7 @@ def _case_response(
     stresses = stress_extremes(surface, stress, load.supported)
     return CaseResponse(
         answer.compliance,
-        Extreme(float(moved.max()), _point(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
+        Extreme(float(moved.max()), point_tuple(surface.V[moved.argmax()]), quantile(moved, surface.vertex_areas)),
         stresses["tension"],
         stresses["compression"],
         stresses["stress"],
@@ -165,16 +165,11 @@ def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
-def _point(x: Floats) -> tuple[float, float, float]:
-    a, b, c = (float(v) for v in x + 0.0)
-    return a, b, c
-
-
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
     shares = support_shares(acting_on(task.preset, task.surface).support, task.surface, structure.sheet)
-    return tuple(_point((answer.reaction * share).sum(axis=0)) for share in shares)
+    return tuple(point_tuple((answer.reaction * share).sum(axis=0)) for share in shares)
 
 
 def _modes(

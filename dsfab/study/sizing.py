@@ -14,7 +14,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
 from dsfab.statics.thickness_basis import ThicknessBasis
-from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_carrying, cut_loads
+from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_and_movement
 from dsfab.study.fabrication import spacing_changes
 
 REACH = 3.0
@@ -109,7 +109,8 @@ class SizingResult:
 
 def sizing_result(design: Design) -> SizingResult | None:
     """Return the trials behind the thickness of a design; None if its preset had a thickness."""
-    return design.cached_result("slicing", "sizing", lambda: None)
+    result: SizingResult | None = design.existing_result("sizing")
+    return result
 
 
 def run_sized(preset: Preset, progress: Progress = silent) -> Design:
@@ -229,7 +230,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
     judged = design.preset.judged_in("ULS", loads)
     basis = ThicknessBasis.from_sheet(model, loads, solved, judged)
     for t in stock:
-        outcome = cut_carrying(CutStatics(design, t, basis.loads_at(t), basis.answers(t)), buckles=False)
+        outcome = use_and_movement(CutStatics(design, t, basis.loads_at(t), basis.answers(t)))
         factors = basis.buckling_factors(t)
         yield _trial(design, replace(outcome, buckling=min(factors[name] for name in judged)))
 

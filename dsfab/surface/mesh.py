@@ -233,6 +233,13 @@ class Surface:
         return pieces(self.F, self.edges)
 
     @cached_property
+    def vertex_pieces(self) -> Ints:
+        """Piece (n,) of each vertex, that of one of its faces; -1 for a vertex without faces."""
+        piece = np.full(self.n, -1, dtype=np.int64)
+        piece[self.F] = self.pieces[1][:, None]
+        return piece
+
+    @cached_property
     def pinches(self) -> Ints:
         """Vertices (k,) where the surface touches itself in a point: see `topology.pinches`."""
         return pinches(self.F, self.edges, self.n)

@@ -9,7 +9,7 @@ from dsfab.design import Design, sheet_loads
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Preset
 from dsfab.results import SlicingResult
-from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span
+from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
 from dsfab.study.verdict import whole_sheet
 from dsfab.surface import All, Force, LoadCase, Side, Support, Vertices
 from tests.shapes import annulus, grid
@@ -100,7 +100,7 @@ def test_a_sheet_that_would_need_too_much_memory_is_not_judged(monkeypatch):
 
 def test_another_thickness_needs_no_new_design():
     design = strip((0, 0, -1e3))
-    thick = cut_carrying(cut_statics(design, 2 * THICKNESS), buckles=False)
+    thick = use_and_movement(cut_statics(design, 2 * THICKNESS))
     assert thick.movement.value == pytest.approx(carrying(design).movement.value / 8, rel=1e-6)
     assert thick.mass == pytest.approx(2 * carrying(design).mass)
 
@@ -143,7 +143,7 @@ def test_members_of_a_graded_material_have_the_utilisation_of_the_members_report
     coarse |= {"surface.load.0.case": "dead", "surface.load.1.case": "snow"}
     coarse |= {"pattern.major.spacing": 2.0, "pattern.minor.spacing": 2.0}
     design = Design.from_preset(load_preset("gridshell", coarse)).until("slicing")
-    judged = cut_carrying(cut_statics(design, design.preset.statics.thickness), buckles=False)
+    judged = cut_carrying(cut_statics(design, design.preset.statics.thickness))
     use = design.member_utilisation
     assert judged.use.value == pytest.approx(use.largest.max(), rel=1e-6)
     assert judged.use.member == use.bays.member[int(use.order[0])]

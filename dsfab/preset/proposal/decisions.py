@@ -214,10 +214,8 @@ def _unsupported_pieces(surface: Surface, stands: tuple[SupportPlace, ...]) -> I
     count, piece = surface.pieces
     if count == 1 or not stands:
         return
-    piece_of_vertex = np.empty(surface.n, dtype=np.int64)
-    piece_of_vertex[surface.F] = piece[:, None]
     _, vertex = cKDTree(surface.V).query(np.concatenate([foot.points for foot in stands]))
-    free = np.setdiff1d(np.arange(count), piece_of_vertex[vertex])
+    free = np.setdiff1d(np.arange(count), surface.vertex_pieces[vertex])
     if not len(free):
         return
     first_piece = piece == free[0]

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError, cKDTree
+from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, lengths, weighted_quantile
 from dsfab.core.errors import DsfabError, PresetError
@@ -28,7 +28,7 @@ from dsfab.preset.proposal.readings import (
     readings,
     soles,
 )
-from dsfab.preset.proposal.shape import HEAD, STRIP, Shape, coarse_surface, is_nearly_closed
+from dsfab.preset.proposal.shape import HEAD, STRIP, Shape, coarse_surface, depth_within, is_nearly_closed
 from dsfab.statics import PAPER, Material, SheetModel, equilibrium, sheet_stiffness, sheet_stress
 from dsfab.surface import LoadCase, Surface, Up, upright_vertices
 
@@ -121,8 +121,7 @@ def _steadiness(shape: Shape, reading: SupportReading, supported: Bools, upward:
 
 def _unheld(surface: Surface, supported: Bools) -> Bools:
     """Return the vertices (n,) of the pieces without any supported vertex."""
-    piece = np.empty(surface.n, dtype=np.int64)
-    piece[surface.F] = surface.pieces[1][:, None]
+    piece = surface.vertex_pieces
     return np.asarray(~np.isin(piece, piece[supported]))
 
 
@@ -155,12 +154,11 @@ def _inside(shape: Shape, supported: Bools) -> float:
     """Return how far the middle of the sheet is within the outline of the supported vertices in plan, metres; negative
     beside it."""
     P, middle = shape.surface.V[supported, :2], shape.middle[:2]
-    try:
-        plane = ConvexHull(P).equations
-        return float(-(plane[:, :2] @ middle + plane[:, 2]).max())
-    except (QhullError, ValueError):  # all in one line
-        across = np.linalg.svd(P - P.mean(axis=0))[2][-1] if len(P) > 1 else np.zeros(2)
-        return -abs(float((middle - P.mean(axis=0)) @ across))
+    depth = depth_within(P, middle)
+    if depth is not None:
+        return depth
+    across = np.linalg.svd(P - P.mean(axis=0))[2][-1] if len(P) > 1 else np.zeros(2)
+    return -abs(float((middle - P.mean(axis=0)) @ across))
 
 
 def likely_units(shape: Shape) -> list[tuple[str, float]]:

@@ -93,11 +93,11 @@ def load_tables(surface: Surface, pressures: Mapping[str, float]) -> Iterator[li
     for case, sign in zip(cases, (1.0, -1.0), strict=False):
         direction = [float(x) for x in np.round(sign * broadside(surface), 3) + 0.0]
         yield ["[[surface.load]]", 'kind = "self_weight"', f'case = "{case}"']
-        lines = ["[[surface.load]]", 'kind = "wind"', _line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
+        lines = ["[[surface.load]]", 'kind = "wind"', toml_line("pressure", pressures["wind"], LINE_OF_COMMENT["wind"])]
         lines += [f"direction = {direction}", f'case = "{case}"']
         if not _goes_around(surface):
             note = "net coefficient of a free-standing wall [EN 1991-1-4, table 7.9, zone D]"
-            lines += [_line("windward", 1.2, note), "leeward = 1.2"]
+            lines += [toml_line("windward", 1.2, note), "leeward = 1.2"]
         yield lines
 
 
@@ -105,16 +105,17 @@ def _vertical(surface: Surface, name: str, pressure: float) -> Iterator[str]:
     yield "[[surface.load]]"
     yield f'kind = "{"snow" if name == "snow" else "imposed"}"'
     yield from () if name == "snow" else (f'name = "{name}"',)
-    yield _line("pressure", pressure, LINE_OF_COMMENT[name])
+    yield toml_line("pressure", pressure, LINE_OF_COMMENT[name])
     if name == "snow":
-        yield _line("shape", "mu1", "less snow on steep faces, none from 60 degrees on [table 5.2]")
+        yield toml_line("shape", "mu1", "less snow on steep faces, none from 60 degrees on [table 5.2]")
         if picker := snow_picker(surface):
             yield f"at = {{ {picker} }}"
 
 
-def _line(key: str, value: object, note: str) -> str:
-    line = f"{key} = {json.dumps(value)}"
-    return f"{line:<26}  # {note}"
+def toml_line(key: str, value: object, note: str = "") -> str:
+    """Return a line of a preset with a comment."""
+    line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
+    return f"{line:<26}  # {note}" if note else line
 
 
 def snow_picker(surface: Surface) -> str:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import SurfaceError
@@ -16,7 +15,7 @@ from dsfab.core.messages import coordinates, length
 from dsfab.core.units import metres_per
 from dsfab.preset.proposal.judgement import SupportChoice, choice
 from dsfab.preset.proposal.readings import SOLE, SupportPlace, soles
-from dsfab.preset.proposal.shape import is_figure
+from dsfab.preset.proposal.shape import depth_within, is_figure
 from dsfab.surface import (
     DEFAULT_TRIANGLES,
     RawMesh,
@@ -79,12 +78,10 @@ def _stability(V: Floats, surface: Surface) -> float:
     V : (n, 3) vertices with z up. The result is between -0.2 (the surface falls over) and 0.4."""
     base_points = V[V[:, 2] <= V[:, 2].min() + SOLE * np.ptp(V[:, 2]), :2]
     middle = surface.areas @ V[surface.F, :2].mean(axis=1) / surface.area
-    try:
-        plane = ConvexHull(base_points).equations  # a point is inside if all equations are negative
-    except (QhullError, ValueError):
+    depth = depth_within(base_points, middle)
+    if depth is None:
         return -0.2  # the base is a point or a line
-    inside = -(plane[:, :2] @ middle + plane[:, 2]).max()
-    return float(np.clip(inside / np.sqrt(surface.area), -0.2, 0.4))
+    return float(np.clip(depth / np.sqrt(surface.area), -0.2, 0.4))
 
 
 UMLAUTS = str.maketrans(

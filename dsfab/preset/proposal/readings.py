@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, lock, point_tuple
 from dsfab.preset.proposal.shape import DEPTH, NECK, RISE, STRIP, Edge, Shape, is_scalloped
 from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
@@ -25,7 +25,7 @@ APART = 12.0
 """Largest distance between posts along a strip, metres."""
 FRAGMENT = 0.1
 """A support smaller than this share of the largest is a bump of the mesh."""
-GROUND = 0.005
+LOWEST_SILL = 0.005
 """An inner edge of a wall above this share of the height is a window, else the base of an inner wall."""
 BAY = 7.5
 """Usual distance between the columns of a grid, metres."""
@@ -64,16 +64,12 @@ class SupportPlace:
             return Boundary(self.loop)
         if self.length:
             steps = [0] if self.is_loop else [0, len(self.points) // 2, -1]
-            return Boundary(points=tuple(_point_tuple(self.points[k], digits) for k in steps))
+            return Boundary(points=tuple(point_tuple(self.points[k].round(digits)) for k in steps))
         if self.radius:
-            return Ball(_point_tuple(self.points.mean(axis=0), digits), max(round(self.radius, digits), 1.5 * margin))
+            middle = point_tuple(self.points.mean(axis=0).round(digits))
+            return Ball(middle, max(round(self.radius, digits), 1.5 * margin))
         low, high = self.points.min(axis=0) - margin, self.points.max(axis=0) + margin
-        return Box(_point_tuple(low, digits), _point_tuple(high, digits))
-
-
-def _point_tuple(point: Floats, digits: int) -> tuple[float, float, float]:
-    x, y, z = (np.round(point, digits) + 0.0).tolist()
-    return x, y, z
+        return Box(point_tuple(low.round(digits)), point_tuple(high.round(digits)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -297,7 +293,7 @@ def _columns(shape: Shape) -> Iterator[SupportReading]:
 def _base(shape: Shape) -> Iterator[SupportReading]:
     """Yield the base of a wall or a tower: the parts of its large edges that are near the ground."""
     if shape.wall:
-        ground = shape.surface.V[:, 2].min() + GROUND * shape.rise
+        ground = shape.surface.V[:, 2].min() + LOWEST_SILL * shape.rise
         windows = [edge for edge in shape.large if edge.z.min() > ground]
         edges = [edge for edge in (*shape.outer, *shape.large) if edge not in windows]
         places = low_places(shape, RISE * shape.rise, edges)

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from scipy.signal import find_peaks
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from dsfab.core.arrays import Floats, Ints, lengths, lock
 from dsfab.core.errors import SurfaceError
@@ -55,6 +55,16 @@ def is_nearly_closed(surface: Surface) -> bool:
 def is_figure(surface: Surface) -> bool:
     """Return True if the surface is closed, or nearly closed, such as a sculpture of a head with an open neck."""
     return bool(surface.edge_lengths[surface.edges.boundary].sum() ** 2 < 4 * surface.area)
+
+
+def depth_within(points: Floats, middle: Floats) -> float | None:
+    """Return how far a point (2,) is within the convex outline of points (k, 2), metres; negative outside.
+    None if the points lie on a line, so that they have no outline."""
+    try:
+        sides = ConvexHull(points).equations  # a point is inside if all equations are negative
+    except (QhullError, ValueError):
+        return None
+    return float(-(sides[:, :2] @ middle + sides[:, 2]).max())
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,8 +170,7 @@ class Shape:
     @cached_property
     def outer(self) -> list[Edge]:
         """The longest edge of each piece."""
-        piece = np.empty(self.surface.n, dtype=np.int64)
-        piece[self.surface.F] = self.surface.pieces[1][:, None]
+        piece = self.surface.vertex_pieces
         _, index = np.unique([piece[loop[0]] for loop in self.surface.loops], return_index=True)
         return [self.edges[k] for k in sorted(index)]
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.messages import length
-from dsfab.preset.proposal.loads import load_tables
+from dsfab.preset.proposal.loads import load_tables, toml_line
 from dsfab.preset.proposal.marks import TABLES, mark_tables
 from dsfab.preset.proposal.reading import UserMesh
 from dsfab.preset.proposal.readings import SupportPlace
@@ -42,8 +42,8 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
     tables = list(mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge))
     head = [
         f"# {user_mesh.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
-        _entry("name", user_mesh.name),
-        _entry("description", _description(surface, plan)),
+        toml_line("name", user_mesh.name),
+        toml_line("description", _description(surface, plan)),
     ]
     parts = (
         head,
@@ -60,14 +60,14 @@ def proposal_text(user_mesh: UserMesh, plan: ProposedValues, keys: Mapping[str, 
         _widths(),
         [
             "[slicing]",
-            _entry("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
+            toml_line("snap", 0.01, "share of an edge by which cuts move to a vertex; a small one keeps halves alike"),
         ],
         *_thickening(surface),
-        ["[sizing]", _entry("first", size.thickness, "m; first guess of the thickness")],
+        ["[sizing]", toml_line("first", size.thickness, "m; first guess of the thickness")],
         [
             "[export]",
-            _entry("step", "quick", "STEP only if it takes little time; auto tries more ways, for minutes"),
-            _entry("step_faces", 12_000, "STEP files with more planar faces are slow in CAD; the default is 30000"),
+            toml_line("step", "quick", "STEP only if it takes little time; auto tries more ways, for minutes"),
+            toml_line("step_faces", 12_000, "STEP files with more planar faces are slow in CAD; the default is 30000"),
         ],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
@@ -80,11 +80,11 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     comments["origin"] = "m; output files have their origin at this point of the mesh"
     for key, value in keys.items():
         if key != "mesh":
-            yield _entry(key, value, comments.get(key, ""))
+            yield toml_line(key, value, comments.get(key, ""))
     if size.edge:
-        yield _entry("edge", size.edge, "m; a new mesh of even triangles, with the same boundaries and creases")
+        yield toml_line("edge", size.edge, "m; a new mesh of even triangles, with the same boundaries and creases")
     if size.edge and size.coarse:
-        yield _entry("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
+        yield toml_line("smooth", True, "the new vertices lie on the smooth surface through the old vertices")
 
 
 def _support(surface: Surface, plan: ProposedValues, place: SupportPlace) -> list[str]:
@@ -92,8 +92,13 @@ def _support(surface: Surface, plan: ProposedValues, place: SupportPlace) -> lis
     picker = place.picker(0.25 * (plan.size.edge or surface.mean_edge), digits)
     pick = ", ".join(f"{key} = {_toml(value)}" for key, value in _picker_values(picker))
     metres = f"{length(place.length)} of free edge" if place.length else ""
-    lines = ["[[surface.support]]", _entry("name", place.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
-    return lines + ([_entry("clamp", True, "built in: it cannot turn about this edge")] if plan.built_in else [])
+    lines = [
+        "[[surface.support]]",
+        toml_line("name", place.name, metres),
+        f"at = {{ {pick} }}",
+        toml_line("hold", "xyz"),
+    ]
+    return lines + ([toml_line("clamp", True, "built in: it cannot turn about this edge")] if plan.built_in else [])
 
 
 def _picker_values(picker: Boundary | Ball | Box) -> Iterator[tuple[str, Any]]:
@@ -110,45 +115,40 @@ def _toml(value: Any) -> str:
 
 def _statics(plan: ProposedValues) -> Iterator[str]:
     yield "[statics]"
-    yield _entry("material", plan.size.material, "`dsfab materials` lists all materials")
-    yield _entry("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
+    yield toml_line("material", plan.size.material, "`dsfab materials` lists all materials")
+    yield toml_line("thickness", "auto", "the thinnest that meets the targets of [sizing]; or metres")
     if plan.built_in:
-        yield _entry("bending", "midedge", "elements with rotations, which built-in edges need")
+        yield toml_line("bending", "midedge", "elements with rotations, which built-in edges need")
 
 
 def _diffusion(plan: ProposedValues) -> Iterator[list[str]]:
     if "wind" in plan.loads:
-        yield ["[diffusion]", _entry("follow", "combined", "the pattern follows wind from both sides")]
+        yield ["[diffusion]", toml_line("follow", "combined", "the pattern follows wind from both sides")]
 
 
 def _pattern(surface: Surface, size: Sizes) -> Iterator[str]:
     yield "[pattern]"
-    yield _entry("method", "stripes", "evenly spaced along the stress")
-    yield _entry("keep", size.keep, "m of material around supports")
+    yield toml_line("method", "stripes", "evenly spaced along the stress")
+    yield toml_line("keep", size.keep, "m of material around supports")
     if surface.loops:
-        yield _entry("rim", size.rim, "m of material along edges and openings")
-    yield _entry("fillet", size.fillet, "m, radius of the corners of openings")
+        yield toml_line("rim", size.rim, "m of material along edges and openings")
+    yield toml_line("fillet", size.fillet, "m, radius of the corners of openings")
 
 
 def _families(size: Sizes) -> Iterator[list[str]]:
     for family, words in (("major", "m, distance between members"), ("minor", "m, distance between crossing members")):
-        yield [f"[pattern.{family}]", _entry("spacing", size.spacing, words)]
+        yield [f"[pattern.{family}]", toml_line("spacing", size.spacing, words)]
 
 
 def _widths() -> Iterator[str]:
     yield "[pattern.width]"
-    yield _entry("rule", "constant", "equally wide members; graded, stressed: wider where the stress is larger")
-    yield _entry("solid_fraction", SHARE, "share of the surface that stays material")
+    yield toml_line("rule", "constant", "equally wide members; graded, stressed: wider where the stress is larger")
+    yield toml_line("solid_fraction", SHARE, "share of the surface that stays material")
 
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
     if is_figure(surface):  # a sculpture has sharper bends than a roof
-        yield ["[thickening]", _entry("thinnest", 0.05, "least share of the thickness at sharp bends")]
-
-
-def _entry(key: str, value: Any, note: str = "") -> str:
-    line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
-    return f"{line:<26}  # {note}" if note else line
+        yield ["[thickening]", toml_line("thinnest", 0.05, "least share of the thickness at sharp bends")]
 
 
 def _description(surface: Surface, plan: ProposedValues) -> str:

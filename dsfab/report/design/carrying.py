@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import length, mass, table
+from dsfab.core.messages import length, mass, point_words, table
 
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
@@ -50,11 +50,11 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
     several = len({row.case for row in carrying.reactions}) > 1
     if use:
         under = f", {use.case}" if several else ""
-        yield f"  most used   {use.member} at {_point(use.place)}: {use.value:.0%} ({use.check}){under}"
+        yield f"  most used   {use.member} at {point_words(use.place)}: {use.value:.0%} ({use.check}){under}"
     if moved:
         under = f", {moved.case}" if several else ""
         share = f"1/{1 / moved.share:.0f}" if moved.share > 0 else "0"
-        words = f"{length(moved.value)} at {_point(moved.place)}, {share} of the span {length(moved.span)}"
+        words = f"{length(moved.value)} at {point_words(moved.place)}, {share} of the span {length(moved.span)}"
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
@@ -103,7 +103,3 @@ def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
 
 def _size(row: Mapping[str, Any]) -> float:
     return hypot(row["vertical"], row["thrust"])
-
-
-def _point(place: Sequence[float]) -> str:
-    return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"

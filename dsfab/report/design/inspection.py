@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import direction_phrase, force, length, table
+from dsfab.core.messages import direction_phrase, force, length, point_words, table
 
 if TYPE_CHECKING:
     from dsfab.core.arrays import Floats
@@ -232,7 +232,7 @@ def _narrow_line(facts: Mapping[str, Any]) -> Iterator[str]:
     measured = {key: facts[MEASURED_KEY[key]] for key in ("min_gap", "min_member") if key not in limits}
     narrow = {key: v for key, v in measured.items() if v and v["m"] < thickness}
     if narrow:
-        places = (f"{v['what']} of {length(v['m'])} at {_point_words(v['at_m'])}" for v in narrow.values())
+        places = (f"{v['what']} of {length(v['m'])} at {point_words(v['at_m'])}" for v in narrow.values())
         missing_limits = " and ".join(f"fabrication.{key}" for key in narrow)
         words = f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}"
         yield f"{words}; set {missing_limits} and build with --fix where that cannot be made"
@@ -249,8 +249,4 @@ def _check_row(check: Mapping[str, Any]) -> Sequence[str]:
 
 
 def _place_words(check: Mapping[str, Any]) -> str:
-    return f"{check['what']} at {_point_words(check['at_m'])}" if check["at_m"] else str(check["what"])
-
-
-def _point_words(place: Sequence[float]) -> str:
-    return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"
+    return f"{check['what']} at {point_words(check['at_m'])}" if check["at_m"] else str(check["what"])

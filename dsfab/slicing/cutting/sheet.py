@@ -396,9 +396,7 @@ def _corner_normals(surface: Surface) -> Floats:
 
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
     """Split every triangle into four, with points on the smooth surface; the old vertices come first. The weights of
-    the new
-    vertices refer to the uncut surface, because supports and loads are defined on that surface.
-    """
+    the new vertices refer to the uncut surface, because supports and loads are defined on that surface."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T
     weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))
