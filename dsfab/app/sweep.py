@@ -200,7 +200,7 @@ def _run_sweep(values: dict[str, Any], title: str, folder: Path | None, work: Wo
         missing, quoted = missing_runs_line(sweep), shlex.quote(str(folder))
     if stopped:
         line.print_line(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
-        return ExitCode.UNFINISHED
+        return ExitCode.INTERRUPTED
     if missing:
         line.print_line(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
     return ExitCode.UNFINISHED if missing else ExitCode.DONE

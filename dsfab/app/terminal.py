@@ -19,7 +19,7 @@ class ExitCode(IntEnum):
     DONE = 0
     REFUSED = 1  # the input is refused, or a check of it fails
     WRONG_USAGE = 2
-    UNFINISHED = 3  # stopped; the same command goes on
+    UNFINISHED = 3  # runs of a sweep are missing; the same command tries them again
     NOT_MADE = 4  # something that was requested was not made
     DOES_NOT_CARRY = 5  # the files are written, but the structure does not carry its loads
     BUG = 70

@@ -300,7 +300,10 @@ def test_loads_of_roofs_and_figures(own):
     def kinds(name):
         return [load.kind for load in propose(own[name], up="z").preset.surface.load]
 
-    assert kinds("canopy_mm") == kinds("terrain") == ["self_weight", "snow"]
+    terrain = propose(own["terrain"])
+    assert (terrain.preset.surface.unit, terrain.preset.surface.up) == ("m", "z")  # no wall of 60 x 40 feet
+    assert len(terrain.questions) == len(set(terrain.questions))
+    assert [load.kind for load in terrain.preset.surface.load] == kinds("canopy_mm") == ["self_weight", "snow"]
     assert kinds("gyroid") == kinds("figure") == ["self_weight"]  # over itself; no roof
 
 

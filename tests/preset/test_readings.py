@@ -104,7 +104,15 @@ def test_a_close_runner_up_is_a_question_with_its_option():
     assert not propose(MEANT["groin"].surface).questions
 
 
-@pytest.mark.parametrize(("unit", "metres"), [("m", 1.0), ("mm", 0.001), ("cm", 0.01), ("ft", 0.3048)])
+@pytest.mark.parametrize(
+    ("unit", "metres"),
+    [
+        pytest.param("m", 1.0, marks=pytest.mark.slow),
+        pytest.param("mm", 0.001, marks=pytest.mark.slow),
+        ("cm", 0.01),
+        ("ft", 0.3048),
+    ],
+)
 def test_the_unit_makes_a_plausible_building(tmp_path, unit, metres):
     """A shell of 18 m; in feet (59 of them) it may also be one of 59 m, which is a question."""
     surface = pavilion(4, 9, 4.4).surface

@@ -161,6 +161,11 @@ def _inside(shape: Shape, supported: Bools) -> float:
     return -abs(float((middle - P.mean(axis=0)) @ across))
 
 
+def usual_unit(unit: str, size: float) -> float:
+    """Return how usual a unit is for a building with a longest side in that unit."""
+    return UNITS[unit] * float(np.exp(-0.5 * (np.log(metres_per(unit) * size / BUILDING) / SPREAD) ** 2))
+
+
 def likely_units(shape: Shape) -> list[tuple[str, float]]:
     """Return (unit, probability), the likeliest first, for a shape in the numbers of its file.
     Buildings have usual sizes, and people can stand below what comes down to the ground."""
@@ -169,10 +174,9 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
     narrow = np.ptp(plan @ np.linalg.svd(plan, full_matrices=False)[2].T, axis=0).min()
     comes_down = shape.plan_share < 0.4 or shape.rise > 0.25 * narrow
     weight = {}
-    for unit, usual in UNITS.items():
-        metres = metres_per(unit)
-        weight[unit] = usual * float(np.exp(-0.5 * (np.log(metres * size / BUILDING) / SPREAD) ** 2))
-        weight[unit] *= 0.1 if comes_down and not HEAD <= metres * shape.rise <= 40 else 1.0
+    for unit in UNITS:
+        is_low = comes_down and not HEAD <= metres_per(unit) * shape.rise <= 40
+        weight[unit] = usual_unit(unit, size) * (0.1 if is_low else 1.0)
     total = sum(weight.values())
     return sorted(((unit, share / total) for unit, share in weight.items()), key=lambda candidate: -candidate[1])
 
@@ -203,8 +207,12 @@ class SupportChoice:
 
     @property
     def rivals(self) -> list[JudgedReading]:
-        """Readings that are close to the best one, at most two."""
-        return [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score][:2]
+        """Readings that are close to the best one, at most two; of another axis only the best."""
+        rivals = [candidate for candidate in self.ranking[1:] if candidate.score > CLOSE * self.best.score]
+        best_on = {candidate.up: candidate for candidate in reversed(rivals)}
+        return [
+            candidate for candidate in rivals if candidate.up == self.best.up or candidate is best_on[candidate.up]
+        ][:2]
 
     @property
     def runners_up(self) -> list[JudgedReading]:
@@ -228,16 +236,20 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     unit    : "" if it is open.    stand : word of a reading, or a height in metres; "" for the best reading.
     Raises PresetError if no reading has the word."""
     coarse = surface if is_nearly_closed(surface) else coarse_surface(surface)
+    size = float(np.ptp(coarse.V, axis=0).max())
+    shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
+    units = {up: [] if unit else likely_units(shape) for up, shape in shapes.items()}
+    usual = {up: usual_unit(units[up][0][0], size) if units[up] else 1.0 for up in axes}
     choices = []
     for up, factor in axes.items():
-        shape = Shape(Surface(upright_vertices(coarse.V, up), coarse.F))
-        units = [] if unit else likely_units(shape)
-        if units:
-            shape = Shape(Surface(shape.surface.V * metres_per(units[0][0]), coarse.F))
+        shape, in_unit = shapes[up], units[up][0][0] if units[up] else unit
+        if units[up]:
+            shape = Shape(Surface(shape.surface.V * metres_per(in_unit), coarse.F))
         z = shape.surface.V[:, 2]
-        usual = factor * (UNDER if z.min() < -0.2 * np.ptp(z) else 1.0)
-        ranking = [judgement(shape, reading, up, usual) for reading in _readings(shape, stand)]
-        choices.append((ranking, units[0][0] if units else unit, tuple(units), shape))
+        factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
+        factor *= usual[up] / max(usual.values())  # an axis that needs a rare unit is less likely
+        ranking = [judgement(shape, reading, up, factor) for reading in _readings(shape, stand)]
+        choices.append((ranking, in_unit, tuple(units[up]), shape))
     ranking = sorted(
         (candidate for ranking, *_ in choices for candidate in ranking), key=lambda candidate: -candidate.score
     )
