@@ -240,23 +240,34 @@ def choice(surface: Surface, axes: Mapping[Up, float], unit: str = "", stand: st
     shapes = {up: Shape(Surface(upright_vertices(coarse.V, up), coarse.F)) for up in axes}
     units = {up: [] if unit else likely_units(shape) for up, shape in shapes.items()}
     usual = {up: usual_unit(units[up][0][0], size) if units[up] else 1.0 for up in axes}
-    choices = []
+    candidates = list[tuple[float, Up, SupportReading]]()
     for up, factor in axes.items():
-        shape, in_unit = shapes[up], units[up][0][0] if units[up] else unit
         if units[up]:
-            shape = Shape(Surface(shape.surface.V * metres_per(in_unit), coarse.F))
-        z = shape.surface.V[:, 2]
+            shapes[up] = Shape(Surface(shapes[up].surface.V * metres_per(units[up][0][0]), coarse.F))
+        z = shapes[up].surface.V[:, 2]
         factor *= UNDER if z.min() < -0.2 * np.ptp(z) else 1.0
         factor *= usual[up] / max(usual.values())  # an axis that needs a rare unit is less likely
-        ranking = [judgement(shape, reading, up, factor) for reading in _readings(shape, stand)]
-        choices.append((ranking, in_unit, tuple(units[up]), shape))
-    ranking = sorted(
-        (candidate for ranking, *_ in choices for candidate in ranking), key=lambda candidate: -candidate.score
-    )
-    if not ranking:
-        raise PresetError(_no_word(stand, [reading for *_, shape in choices for reading in readings(shape)]))
-    winner = next(candidate for candidate in choices if ranking[0] in candidate[0])
-    return SupportChoice(tuple(ranking), *winner[1:3])
+        candidates += [(factor, up, reading) for reading in _readings(shapes[up], stand)]
+    if not candidates:
+        raise PresetError(_no_word(stand, [reading for shape in shapes.values() for reading in readings(shape)]))
+    ranking = _ranking(shapes, candidates)
+    up = ranking[0].up
+    return SupportChoice(tuple(ranking), units[up][0][0] if units[up] else unit, tuple(units[up]))
+
+
+def _ranking(shapes: Mapping[Up, Shape], candidates: Sequence[tuple[float, Up, SupportReading]]) -> list[JudgedReading]:
+    """Return judged readings, the best first. Statics only lower a score: a reading of another axis that can be no
+    rival of the best one, and one below the best and three others of its axis, is not judged."""
+    ranking = list[JudgedReading]()
+    for factor, up, reading in sorted(candidates, key=lambda candidate: -candidate[0] * candidate[2].form):
+        highest = factor * reading.form
+        if ranking:
+            on_axis = [candidate.score for candidate in ranking if candidate.up == ranking[0].up]
+            if highest < (CLOSE * ranking[0].score if up != ranking[0].up else (*on_axis, 0, 0, 0)[3]):
+                continue
+        ranking.append(judgement(shapes[up], reading, up, factor))
+        ranking.sort(key=lambda candidate: -candidate.score)
+    return ranking
 
 
 def _readings(shape: Shape, stand: str) -> list[SupportReading]:
