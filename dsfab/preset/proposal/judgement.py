@@ -175,7 +175,7 @@ def likely_units(shape: Shape) -> list[tuple[str, float]]:
     comes_down = shape.plan_share < 0.4 or shape.rise > 0.25 * narrow
     weight = {}
     for unit in UNITS:
-        is_low = comes_down and not HEAD <= metres_per(unit) * shape.rise <= 40
+        is_low = comes_down and metres_per(unit) * shape.rise < HEAD
         weight[unit] = usual_unit(unit, size) * (0.1 if is_low else 1.0)
     total = sum(weight.values())
     return sorted(((unit, share / total) for unit, share in weight.items()), key=lambda candidate: -candidate[1])
