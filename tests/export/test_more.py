@@ -19,7 +19,7 @@ from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
 from dsfab.export.cad.rhino import COLOURS, without_times
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.step.worker.shapes import step_facts
 from dsfab.surface.fields import StructureLine
 from tests.export.solids import solid_box
 from tests.export.striped_solids import ARCHED, FLAT

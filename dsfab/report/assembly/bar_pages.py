@@ -9,8 +9,8 @@ from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures
+from dsfab.report.assembly.overview import STEP_PICTURES, AssemblyStep
 from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
-from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
 from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
 ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.

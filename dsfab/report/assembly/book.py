@@ -24,9 +24,17 @@ from dsfab.report.assembly.axonometry import (
 from dsfab.report.assembly.bar_pages import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps, joint_pages
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, family_pages, nest_pages, node_pages, sheet_figures
-from dsfab.report.assembly.overview import draw_cover, draw_named_view, refolded_pages
+from dsfab.report.assembly.overview import (
+    LAYER_RULE,
+    assembly_steps,
+    draw_cover,
+    draw_named_view,
+    plank_rule,
+    plank_steps,
+    refolded_pages,
+    step_pages,
+)
 from dsfab.report.assembly.paper import HAIR, INK, MARGIN, PAGE, PAPER_HEIGHT, PAPER_WIDTH, QUIET, Paper
-from dsfab.report.assembly.sequence import LAYER_RULE, assembly_steps, plank_rule, plank_steps, step_pages
 from dsfab.report.pdf_pages import MM, fonts
 from dsfab.workshop import WorkshopPlan
 

@@ -165,7 +165,7 @@ def worst_member_words(utilisation: Utilisation) -> str:
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
 
-def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
+def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSection:
     """Return the first page: a verdict on the members alone, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
@@ -292,7 +292,7 @@ def member_report(design: Design, command: str) -> Document:
         ("Worst member", worst_member_words(utilisation)),
     ]
     document_sections = [
-        summary_section(utilisation, rating_figure(design, number), number),
+        summary_section(utilisation, rating_figure(design, number)),
         worst_section(utilisation, number),
         diagrams_section(design, number),
         checks_section(utilisation, number),
