@@ -6,14 +6,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.core.units import MM_PER_M
-from dsfab.surface import StructureLine, Surface, bounding_box, signed_volume, total_area
+from dsfab.surface import StructureLine, Surface, bounding_box, link_components, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 
@@ -280,11 +279,10 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
         return replace(part, V=V)
-    links = coo_array((np.ones(len(lost), dtype=np.int8), (a[lost], b[lost])), shape=(len(V),) * 2)
-    component = connected_components(links, directed=False)[1].astype(np.int64)
+    count, component = link_components(len(V), a[lost], b[lost])
     F = component[part.F]
     F = F[(np.roll(F, -1, axis=1) != F).all(axis=1)]
-    merged = np.empty((int(component.max()) + 1, 3))
+    merged = np.empty((count, 3))
     merged[component] = V
     small = replace(part, V=merged, F=F)
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):

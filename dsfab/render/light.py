@@ -8,7 +8,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
@@ -147,14 +147,10 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
     groups.append(_cap(quality.sky, np.radians(78.0)) @ frame_towards(floor))
     groups.append(_cap(quality.below, np.radians(75.0)) @ frame_towards(-floor))
     strength = [
-        np.full(len(group), share / (group @ _unit(group.mean(axis=0))).sum())
+        np.full(len(group), share / (group @ unit_vectors(group.mean(axis=0))).sum())
         for group, share in zip(groups, LIGHT_SHARES, strict=True)
     ]
     return Lamps(np.concatenate(groups), np.concatenate(strength), quality)
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _cap(count: int, half_angle: float) -> Floats:

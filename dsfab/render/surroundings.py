@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.render.light import frame_towards
 from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
@@ -54,12 +52,12 @@ def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[Supp
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
-    label, inner = _components(surface, supported), _from_free_neighbours(surface, supported)
+    inside = supported[surface.edges.ends].all(axis=1)
+    lines, on_rim = surface.edges.ends[inside], surface.edges.boundary[inside]
+    (_, label), inner = link_components(surface.n, *lines.T), _from_free_neighbours(surface, supported)
     groups = [np.flatnonzero(supported & (label == number)) for number in np.unique(label[supported])]
     side = _open_side(surface, load, groups, up)
     outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
-    inside = supported[surface.edges.ends].all(axis=1)
-    lines, on_rim = surface.edges.ends[inside], surface.edges.boundary[inside]
     kind: PartKind
     supports = list[SupportPart]()
     for group in groups:
@@ -89,12 +87,6 @@ def _upward_supports(load: LoadCase, up: Floats) -> Bools:
     axis = int(np.argmax(np.abs(up)))
     upwards = load.fixed[:, axis] | (load.spring[:, axis] > 0)
     return np.asarray(upwards if upwards.any() else load.supported)
-
-
-def _components(surface: Surface, supported: Bools) -> Ints:
-    a, b = surface.edges.ends[supported[surface.edges.ends].all(axis=1)].T
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(surface.n, surface.n))
-    return np.asarray(connected_components(graph, directed=False)[1])
 
 
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:

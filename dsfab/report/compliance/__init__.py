@@ -13,31 +13,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import quote
 
-from dsfab.core.errors import ExportError
 from dsfab.core.limits import SEVERITY
 from dsfab.core.messages import mass
 from dsfab.report.compliance import sections
 from dsfab.report.compliance.figures import FindingsPictures, chart_images
 from dsfab.report.compliance.findings import LABELS, Findings, enumeration, share_words, significant_digits, within
 from dsfab.report.design.facts import versions
-from dsfab.report.html_pages import (
-    Block,
-    CaptionNumbers,
-    Document,
-    Paragraph,
-    ReportSection,
-    Table,
-    document_html,
-    escaped_text,
-)
-from dsfab.report.pdf_pages import document_pdf
+from dsfab.report.html_pages import Block, CaptionNumbers, Document, Paragraph, ReportSection, Table, escaped_text
+from dsfab.report.pdf_pages import FILES, write_document
 
 if TYPE_CHECKING:
     from dsfab.preset.model import Preset
     from dsfab.study import Comparison
 
 
-FILES = ("report.html", "report.pdf")
 __all__ = ["FILES", "Findings", "compliance_document", "write_report"]
 
 
@@ -66,13 +55,8 @@ def write_report(findings: Findings, rows: Sequence[Mapping[str, Any]], folder: 
     """Write report.html and report.pdf; return their names, and a sentence for each step that failed."""
     pictures = FindingsPictures(findings)
     document = compliance_document(findings, rows, pictures)
-    messages = [pictures.no_picture_reason] if pictures.no_picture_reason else []
-    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
-    try:
-        (folder / FILES[1]).write_bytes(document_pdf(document))
-    except ExportError as error:
-        return [FILES[0]], [*messages, str(error)]
-    return list(FILES), messages
+    files, messages = write_document(document, folder)
+    return files, [pictures.no_picture_reason, *messages] if pictures.no_picture_reason else messages
 
 
 def write_results(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats
-from dsfab.core.errors import DsfabError, ExportError
+from dsfab.core.errors import DsfabError
 from dsfab.design import Design
 from dsfab.members.eurocode import Utilisation
 from dsfab.members.frame import COMPONENTS
@@ -41,10 +41,9 @@ from dsfab.report.html_pages import (
     ReportFigure,
     ReportSection,
     Table,
-    document_html,
     escaped_text,
 )
-from dsfab.report.pdf_pages import document_pdf
+from dsfab.report.pdf_pages import write_document
 from dsfab.workshop import workshop_plan
 
 if TYPE_CHECKING:
@@ -277,7 +276,6 @@ def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportS
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
 
 
-FILES = ("report.html", "report.pdf")
 STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 
@@ -307,13 +305,7 @@ def member_report(design: Design, command: str) -> Document:
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
     """Write the report and the page of the structure; return names of files, and a sentence for each failed step."""
-    document, files, messages = member_report(design, command), [FILES[0]], list[str]()
-    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
-    try:
-        (folder / FILES[1]).write_bytes(document_pdf(document))
-        files.append(FILES[1])
-    except ExportError as error:
-        messages.append(str(error))
+    files, messages = write_document(member_report(design, command), folder)
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
     except DsfabError as error:

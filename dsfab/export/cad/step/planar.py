@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
-from dsfab.surface.topology import EdgeTable, edge_table
+from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
 FLATNESS = 1e-5
 """Largest distance (mm) of vertices from a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
@@ -33,16 +31,11 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     forth, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
     flat = table.pairs[forth & back] // 3
     absorbed = np.stack([h, k], axis=1)[low[h // 3] & (h % 3 == lengths.argmax(axis=1)[h // 3])] // 3
-    region = _components(np.concatenate([flat, absorbed]), len(F))
+    _, region = link_components(len(F), *np.concatenate([flat, absorbed]).T)
     uneven = _off_plane(corners, vectors, region) > tolerance
     if uneven.any():
-        region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
+        _, region = link_components(len(F), *np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]).T)
     return region, group_sums(region, vectors)
-
-
-def _components(links: Ints, count: int) -> Ints:
-    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:

@@ -12,6 +12,7 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.sparse.cholesky import one_blas_thread
 from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import link_components
 
 CONE_SLACK = np.deg2rad(12.0)
 """Angle (radians) by which a chart may exceed its cone, because straight borders give it faces that it sees steeply."""
@@ -145,8 +146,7 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
 def _parts(surface: Surface, label: Ints) -> Ints:
     f, g = (surface.edges.pairs // 3).T
     is_joined = label[f] == label[g]
-    links = coo_array((np.ones(int(is_joined.sum())), (f[is_joined], g[is_joined])), shape=(surface.m, surface.m))
-    return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))
+    return link_components(surface.m, f[is_joined], g[is_joined])[1]
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
