@@ -12,7 +12,7 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error
+from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_within
 from dsfab.surface import polyline_length
 
@@ -416,8 +416,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
     The total length must agree within the tolerance of `check_length`, and each line must be at its place.
     Raises ExportError if the file differs from the part."""
     lines = {line.id: line.points for line in part.details.lines}
-    if curves_read.keys() != lines.keys():
-        raise count_error(part, "lines", len(lines), len(curves_read))
+    require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
     for name, points in lines.items():
         clouds = np.concatenate(curves_read[name]), points

@@ -17,7 +17,7 @@ from dsfab.core.errors import ExportError
 from dsfab.core.materials import MATERIALS
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, require_equal
 
 if TYPE_CHECKING:
     from dsfab.members.frame import BeamMaterial, Frame
@@ -299,8 +299,7 @@ def check(part: Part, path: Path) -> ReadBack:
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
         count = len(sheet.rows) + (1 if sheet.head else 0)
-        if len(rows) != count:
-            raise count_error(part, f"rows of {sheet.name}", count, len(rows))
+        require_equal(part, f"rows of {sheet.name}", count, len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
             raise ExportError(f"the head of sheet {sheet.name} of {part.name!r} reads back different; write it again")
     points = _coordinates(cells["StructuralPointConnection"][1:])

@@ -17,7 +17,7 @@ from dsfab.export.cad.step.entities import StepEntities, piece_name, step_string
 from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
-from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
+from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour
 from dsfab.export.writing import comma_separated_rows, one_line
 from dsfab.surface import link_components, signed_volume, total_area
 
@@ -246,10 +246,7 @@ def identifier(name: str, what: str) -> str:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with ifcopenshell: it must have millimetres, all triangles, closed bodies and the volume."""
-    V, F = _arrays(millimetre_model(part, path))
-    if not len(F):
-        raise count_error(part, "triangles", len(part.F), 0)
-    return check_mesh(part, V, F)
+    return check_mesh(part, *joined_face_sets(millimetre_model(part, path).by_type("IfcTriangulatedFaceSet")))
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
@@ -265,10 +262,6 @@ def millimetre_model(part: Part, path: Path) -> Any:
     if abs(scale * MM_PER_M - 1) > 1e-9:
         raise ExportError(f"the IFC file of {part.name!r} has lengths that are not in millimetres; write .step instead")
     return model
-
-
-def _arrays(model: Any) -> tuple[Floats, Ints]:
-    return joined_face_sets(model.by_type("IfcTriangulatedFaceSet"))
 
 
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:

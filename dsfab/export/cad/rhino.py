@@ -31,7 +31,7 @@ from dsfab.export.curves import (
 )
 from dsfab.export.members import facts_of_members, graph_of, rounded_lists
 from dsfab.export.part import Part
-from dsfab.export.readback import COLOURS, ReadBack, check_mesh, check_shapes, count_error, layer_colour
+from dsfab.export.readback import COLOURS, ReadBack, check_mesh, check_shapes, layer_colour, require_equal
 from dsfab.export.writing import one_line
 
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
@@ -204,8 +204,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
     items = _valid_items(part, path, ".dxf and .stl")
     meshes = [shape for _, shape in items if shape.ObjectType == rhino3dm.ObjectType.Mesh]
-    if len(meshes) != 1:
-        raise count_error(part, "meshes", 1, len(meshes))
+    require_equal(part, "meshes", 1, len(meshes))
     V, F = rhino_arrays(meshes[0])
     result = check_mesh(part, V, F[:, :3])
     check_curves(part, {name: _points(x) for name, x in items if x.ObjectType == rhino3dm.ObjectType.Curve})
@@ -278,8 +277,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
     nodes = [node.id for node in graph_of(part).nodes]
     for what, kind, expected in (("axes", kinds.Curve, axes), ("nodes", kinds.Point, nodes)):
-        if names[kind] != expected:
-            raise count_error(part, what, len(expected), len(names[kind]))
+        require_equal(part, what, expected, names[kind])
     meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
     return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in meshes.items()})
 

@@ -15,7 +15,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, PlacedView, views_on_paper
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error
+from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.writing import one_line
 
 TITLE = (185.0, 34.0)
@@ -141,8 +141,7 @@ def check(part: Part, path: Path) -> ReadBack:
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])
-    if len(lines) != expected:
-        raise count_error(part, "lines", expected, len(lines))
+    require_equal(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
         raise ExportError(f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf")
     return ReadBack(len(lines), "lines")

@@ -14,7 +14,7 @@ from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, polyhedron
 from dsfab.export.curves import Curve
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error, distinct_rows
+from dsfab.export.readback import ReadBack, distinct_rows, require_equal
 from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
@@ -439,8 +439,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
     """Return the content read back; raises ExportError unless OCCT reports the same triangles and volume (0.1 %)."""
-    if report["triangles"] != len(part.F):
-        raise count_error(part, "triangles", len(part.F), int(report["triangles"]))
+    require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
     return ReadBack(int(report["triangles"]), "triangles", report["volume"] / part.volume - 1)
