@@ -12,8 +12,7 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9
-"""Largest error of numbers of 10 or more digits that are read back, as a share of the largest number."""
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers of 10 or more digits that are read back, over the largest number
 
 
 @dataclass(frozen=True)
@@ -108,8 +107,10 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
 def require_equal(part: Part, what: str, expected: int | Collection[str], content: int | Collection[str]) -> None:
     """Raise ExportError if a count or the names in a file differ from those of the part."""
     if content != expected:
-        found, wanted = (x if isinstance(x, int) else len(x) for x in (content, expected))
-        raise ExportError(f"{part.name!r} reads back with {found} {what} instead of {wanted}; write another format")
+        count, expected_count = (x if isinstance(x, int) else len(x) for x in (content, expected))
+        raise ExportError(
+            f"{part.name!r} reads back with {count} {what} instead of {expected_count}; write another format"
+        )
 
 
 def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:

@@ -244,12 +244,9 @@ class RowSpans:
         return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
-SAMPLES_PER_SPAN = 6
-"""Smallest number of samples for each span of a curve; with fewer samples the curve oscillates between them."""
-AT_ONCE = 20_000
-"""Number of samples in one batch of curves, whose arrays fit into the processor's cache."""
-Fitted = tuple[Spline, float]
-"""A curve, and its largest distance from its samples."""
+SAMPLES_PER_SPAN = 6  # smallest number of samples for each span of a curve, which oscillates between fewer samples
+AT_ONCE = 20_000  # number of samples in one batch of curves, whose arrays fit into the processor's cache
+Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 
 
 def splines_through(

@@ -28,10 +28,8 @@ STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "bucklin
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # names of the modes; stripes are level lines of a mode
-WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
-"""Pictures of the uncut sheet, which has no stripes yet."""
-COLOUR_PERCENTILE = 98.0
-"""Percentile of the stress at which the colour scale ends; a few peaks under loads and supports are above it."""
+WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at which the scale ends, below a few peaks under loads and supports
 
 # blue shows compression and red shows tension; both are equally dark, and colour-blind people can tell them apart
 _DIVERGING = np.array(

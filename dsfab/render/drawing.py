@@ -172,11 +172,8 @@ _LEG = [
 ]  # fmt: skip
 
 GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
-FINER = light.FINE.finer
-"""Side of a fine drawing over the side of its picture, whose pixels are means of the drawing's pixels."""
-
-EDGE_COSINE = np.float32(0.87)
-"""Largest cosine of the angle between two faces at which their common edge is drawn as a line."""
+FINER = light.FINE.finer  # side of a fine drawing over the side of its picture, whose pixels are means of the drawing's
+EDGE_COSINE = np.float32(0.87)  # largest cosine of the angle between two faces whose common edge is drawn as a line
 
 
 def check_ground(ground: str) -> None:

@@ -12,10 +12,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2
-"""Radius (map pixels) of random offsets at which a map is read; they turn the steps of the map into a fine grain."""
-SURFACE_LIFT = 2.5
-"""Height of lit points above their surface, over the side of a map pixel; without it, map steps would cast shadows."""
+GRAIN = 1.2  # radius (map pixels) of random offsets at which a map is read; they turn its steps into a fine grain
+SURFACE_LIFT = 2.5  # height of lit points above their surface, over a map pixel; otherwise map steps would cast shadows
 LARGEST_DEPTH = np.float32(0.9999)  # largest depth that counts as a body; a map pixel without a body has depth 1
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
@@ -117,8 +115,7 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of a picture among a hundred."""
-ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
-"""Quality of a picture that the next picture soon replaces."""
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a picture that another soon replaces
 
 
 @dataclass(frozen=True, eq=False)

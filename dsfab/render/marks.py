@@ -251,8 +251,7 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
 
 
 CROSS_SPACING = Spacing(0.034, 500)  # limits on the number of crosses, because many crosses take long to draw
-BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
-"""Length and width of a bar of a cross, over the distance between neighbouring crosses."""
+BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar of a cross, over the distance between crosses
 
 
 def crosses(design: "Design", palette: Palette) -> Body:

@@ -22,8 +22,7 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-NORMAL_STEPS = 1 << 10
-"""Number of steps from -1 to 1 to which normals are rounded for comparison; bytes of a picture have 256 steps."""
+NORMAL_STEPS = 1 << 10  # number of steps from -1 to 1 of rounded normals for comparison; a picture has 256 steps
 
 
 class Window:

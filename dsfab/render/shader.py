@@ -13,10 +13,8 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
-INFINITE_DISTANCE = 1e30
-"""Distance to a load or support that does not exist. The number is finite, because infinity times 0 is not a number."""
-NO_REACH = -INFINITE_DISTANCE
-"""Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
+INFINITE_DISTANCE = 1e30  # distance to a load or support that does not exist; finite, as infinity times 0 is no number
+NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; a reach of 0 would keep values just below 0 at outlines
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
@@ -24,8 +22,7 @@ _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
 """Names of the fields that may vary over the surface, two numbers at each vertex, as in `StripeShader.fields`."""
-TIE = 2e-6
-"""Margin (periods) for rounding errors, with which half-widths of 0 are exactly empty and of 1/2 exactly full."""
+TIE = 2e-6  # margin (periods) for rounding errors, so that half-widths of 0 are empty and of 1/2 exactly full
 
 # (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; material is where it exceeds 1/2 - d. The vertex
 # shader computes the linear part, because in software rendering each uniform takes time at each pixel

@@ -25,8 +25,7 @@ EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size ar
 
 REGION_FACTOR = 1e33
 """Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
-REGION_REACH = -1e6
-"""Reach of drawn regions without kept material; the shader reads distances only if a reach exceeds `NO_REACH`."""
+REGION_REACH = -1e6  # reach of drawn regions without kept material; the shader reads distances only beyond `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)

@@ -25,8 +25,7 @@ CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
-WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
-"""Least width of columns and walls, of those as low as a footing, and of hangers, over the structure's size."""
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths over the structure's size: columns and walls, low ones, hangers
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,8 +26,7 @@ PLATE_SETS = {
     "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
 }
 """Quantities of a plate and their kinds, by set; the width of the first, the standard's set, is the thickness."""
-Naming = Callable[[str], str]
-"""A function from a word to an IFC identifier."""
+Naming = Callable[[str], str]  # a function from a word to an IFC identifier
 
 
 class Place(NamedTuple):
@@ -196,8 +195,7 @@ def real(value: float) -> str:
 
 
 MM2, MM3 = MM_PER_M**2, MM_PER_M**3
-PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")
-"""Namespace of the identifiers in IFC files."""
+PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")  # namespace of the identifiers in IFC files
 
 
 def require_ifcopenshell() -> None:

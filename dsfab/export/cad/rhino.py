@@ -35,12 +35,10 @@ from dsfab.export.readback import COLOURS, ReadBack, check_mesh, check_shapes, l
 from dsfab.export.writing import one_line
 
 BLACK, GREY = (0, 0, 0), (150, 150, 150)
-MESH = "sheet"
-"""Name of the layer of the mesh."""
+MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
 """Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
-_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
-"""1 January 1980, a Tuesday, as C's `struct tm`."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
 def require_rhino3dm(what: str = ".3dm files need") -> None:
@@ -241,8 +239,7 @@ def _points(curve: Any) -> list[Floats]:
     return [np.array([(p.X, p.Y, p.Z) for p in samples])]
 
 
-NODES = "nodes"
-"""Name of the layer of the nodes."""
+NODES = "nodes"  # name of the layer of the nodes
 
 
 def encode_members(part: Part) -> Iterator[bytes]:

@@ -18,8 +18,7 @@ from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.writing import one_line
 
-TITLE = (185.0, 34.0)
-"""Width and height of the title block, millimetres of paper."""
+TITLE = (185.0, 34.0)  # width and height of the title block, millimetres of paper
 STYLE = """
 text { font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; fill: #000;
   stroke: none }

@@ -14,8 +14,7 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Least scales at which names of parts are legible, for a structure and for a model; millimetres per metre."""
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # least scales (mm per metre) of legible names, for structures and models
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 

@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-ResultRow = Mapping[str, Any]
-"""Row of `results.json`: `volume`, and the keys of `dsfab.study.alternatives.Competitor.row`."""
+ResultRow = Mapping[str, Any]  # row of `results.json`: `volume`, and the keys of `study.alternatives.Competitor.row`
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),

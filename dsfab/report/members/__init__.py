@@ -55,8 +55,7 @@ if TYPE_CHECKING:
 UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
 DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
 
-DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
-"""Width and height of a row of diagrams in inches; the axis below takes half a row more."""
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # inches of a row of diagrams; the axis below takes half a row more
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 """Colours of positive values, negative values, and lines."""
 

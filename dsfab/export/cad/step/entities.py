@@ -20,21 +20,15 @@ from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line,
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
-DIGITS = 6
-"""Decimals (of millimetres) of curve coordinates, and of the vertices among which coplanar triangles are searched."""
-
-DIRECTION_DIGITS = 11
-"""Decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
-
-FIRST_FREE = 19
-"""First free entity number after the header of the file."""
+DIGITS = 6  # decimals (of millimetres) of curves, and of the vertices among which coplanar triangles are searched
+DIRECTION_DIGITS = 11  # decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm
+FIRST_FREE = 19  # first free entity number after the header of the file
 
 PARAMETER_CONTEXT = (
     "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 )
 
-KnotText = tuple[str, str]
-"""Multiplicities and values of knots, as text."""
+KnotText = tuple[str, str]  # multiplicities and values of knots, as text
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
@@ -239,8 +233,7 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-FACETED_DIGITS = 5
-"""Decimals of corners of planar faces: the file states a precision of 1e-5 mm. Planes are searched before rounding."""
+FACETED_DIGITS = 5  # decimals of corners of planar faces; the file states 1e-5 mm; planes are searched before rounding
 
 _COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"

@@ -42,8 +42,7 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Limits of the time for reading back: a constant part, and seconds per face. Both are several times the measured
 time; OCCT's check of very long outlines may never finish."""
 
-LIGHT = 8.0
-"""Size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut."""
+LIGHT = 8.0  # size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:

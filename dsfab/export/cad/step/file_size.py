@@ -16,8 +16,7 @@ from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
-LOADING_SECONDS = 1.5
-"""Shortest time (seconds) for reading back, because a new process loads OCCT."""
+LOADING_SECONDS = 1.5  # shortest time (seconds) for reading back, because a new process loads OCCT
 
 
 @dataclass(frozen=True)

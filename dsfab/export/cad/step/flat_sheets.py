@@ -14,15 +14,11 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3
-"""Distance (mm) up to which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
-
-WIDTH_SHARE = 0.1
-"""Largest tolerance of a loop, as a share of its area over its length, so that slits and dots keep their shape."""
+SAME_PLACE = 1e-3  # distance (mm) up to which a corner is a vertex of the outline, and outlines of both skins are equal
+WIDTH_SHARE = 0.1  # largest tolerance of a loop over its area per length, so that slits and dots keep their shape
 
 
-GAP_SHARE = 0.25
-"""Largest tolerance of a loop, as a share of its distance from the next loop, so that curves never cross a member."""
+GAP_SHARE = 0.25  # largest tolerance of a loop over its distance from the next one, so that curves never cross a member
 
 
 class NotFlatError(ExportError):

@@ -246,8 +246,7 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     return curve
 
 
-EdgePair = tuple[int, int]
-"""Edges of a run on the upper and on the lower skin."""
+EdgePair = tuple[int, int]  # edges of a run on the upper and on the lower skin
 
 
 class PlanarFile(NamedTuple):

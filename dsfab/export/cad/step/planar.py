@@ -7,8 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5
-"""Largest distance (mm) of vertices from a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
+FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line: the precision of Parasolid, 1e-8 m
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:

@@ -23,8 +23,7 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2
-"""Number of times that OCCT draws crossing curved faces again, each time with a quarter of the deflection."""
+REDRAWING_ROUNDS = 2  # number of times that OCCT redraws crossing curved faces, each with a quarter of the deflection
 
 
 class StepTriangles(NamedTuple):
@@ -131,8 +130,7 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000
-"""Largest number of faces of a file that is cut on trial without a request; this takes 4 s, or 15 s from text."""
+MOST_FACES = 2000  # largest number of faces of a file that is cut on trial unasked, in 4 s, or 15 s from text
 
 
 @dataclass(frozen=True)

@@ -12,18 +12,14 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
-CORNER_COSINE = np.cos(np.deg2rad(40.0))
-"""Cosine of the smallest turn of an outline that counts as a corner."""
+CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest turn of an outline that counts as a corner
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
 round corners. Where a coarse mesh bends, an outline turns in space with the mesh but is straight in this view."""
 
-VOID = -1
-"""Number in place of a region, for the space beyond an outline."""
-
-ChainLoop = list[tuple[int, bool]]
-"""Chains in order; True means that the loop runs along the chain, False against it."""
+VOID = -1  # number in place of a region, for the space beyond an outline
+ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
 
 
 @dataclass(frozen=True, eq=False)

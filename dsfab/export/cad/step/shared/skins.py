@@ -129,14 +129,9 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
-GAP_SHARE = 1 / 20
-"""Widest accepted gap between a skin and its edges, as a share of the thickness."""
-
-OUTLINE_SHARE = 0.55
-"""Tolerance of outlines, as a share of the allowed distance from the mesh."""
-
-LOOP_SHARE = 0.03
-"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
+GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a share of the thickness
+OUTLINE_SHARE = 0.55  # tolerance of outlines, as a share of the allowed distance from the mesh
+LOOP_SHARE = 0.03  # largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross
 
 
 def decimals(thickness: float) -> int:
@@ -147,8 +142,7 @@ def decimals(thickness: float) -> int:
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4
-"""Largest chord error that counts, as a share of the thickness, because the estimate is wrong at creases."""
+MOST_CHORD = 1 / 4  # largest chord error that counts, over the thickness, because the estimate is wrong at creases
 
 
 @dataclass(frozen=True, eq=False)

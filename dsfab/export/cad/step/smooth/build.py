@@ -113,14 +113,12 @@ def _distances(gate: PieceJudge, findings: dict[int, OcctFinding]) -> dict[int, 
     return away
 
 
-FIT_SHARE = 1 / 3
-"""Tolerance of the skins, as a share of the allowed distance from the mesh."""
+FIT_SHARE = 1 / 3  # tolerance of the skins, as a share of the allowed distance from the mesh
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
 """Layouts: largest angle (degrees) between normals of a chart and their mean, smallest number of charts, and seed."""
 
-MOST_WALLS = 1500
-"""Largest number of walls of a sheet if `hurry` is 1; more walls take over half a minute."""
+MOST_WALLS = 1500  # largest number of walls of a sheet if `hurry` is 1; more walls take over half a minute
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,11 +210,8 @@ def _unfinished_pieces(gate: PieceJudge, finished: Collection[int]) -> list[int]
     return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in finished]
 
 
-REFITS = 2
-"""Number of times that the refused pieces of a layout are built again with tighter curves."""
-
-CLOSEST = len(LEVEL_FACTORS) - 1
-"""Highest level of tighter curves, see `LEVEL_FACTORS`."""
+REFITS = 2  # number of times that the refused pieces of a layout are built again with tighter curves
+CLOSEST = len(LEVEL_FACTORS) - 1  # highest level of tighter curves, see `LEVEL_FACTORS`
 
 
 class _AcceptedPiece(NamedTuple):

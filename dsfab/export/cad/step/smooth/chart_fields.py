@@ -14,11 +14,8 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)
-"""Angle (radians) by which a chart may exceed its cone, because straight borders give it faces that it sees steeply."""
-
-REACH = 0.25
-"""Length over which the fields of charts diffuse, as a share of the radius of small charts."""
+CONE_SLACK = np.deg2rad(12.0)  # angle beyond its cone that a chart may have: straight borders give it steep faces
+REACH = 0.25  # length over which the fields of charts diffuse, as a share of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -27,8 +24,7 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for factors of symmetric matrices with fewer entries."""
 
-SWEEPS = 4
-"""Number of rounds of diffusion and choice of charts."""
+SWEEPS = 4  # number of rounds of diffusion and choice of charts
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:

@@ -78,17 +78,10 @@ class SplinePatch:
         return uv
 
 
-SMOOTHING = 1e-5
-"""Weight of the differences between poles, against the distances from points."""
-
-FEWEST_POLES, MOST_POLES = 6, 48
-"""Smallest and largest number of poles of a fit in one direction."""
-
-FEW_POLES = 24
-"""A chart with more poles in one direction is divided once, because OCCT searches all poles for a projection."""
-
-FIRST_POLES = 8.0
-"""Number of poles of the first attempt: geometric mean of both directions."""
+SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
+FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
+FEW_POLES = 24  # a chart with more poles in one direction is divided once, because OCCT's projection searches all poles
+FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -302,11 +295,9 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-HALVED = 4
-"""Largest number of divisions of a chart."""
+HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))
-"""Smallest cosine between normals of a chart and its axis; a steeper chart is divided between opposite normals."""
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and its axis; steeper charts are divided
 
 
 @dataclass(frozen=True, eq=False)

@@ -65,8 +65,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)
-"""Factors of the tolerance of a run: before any refusal, after one, and after two refusals."""
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: before any refusal, after one, and after two refusals
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,8 +222,7 @@ def edge_on_nodes(
 
 T = TypeVar("T")
 
-RunKey = tuple[int, int, int, int]
-"""First two and last two vertices of a run."""
+RunKey = tuple[int, int, int, int]  # first two and last two vertices of a run
 
 
 def seam_edges(

@@ -150,8 +150,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9
-"""Points nearer to a chord than this share of the chord's length lie on the chord."""
+ROUNDED = 1e-9  # points nearer to a chord than this share of the chord's length lie on the chord
 
 
 def crossings(piece: SmoothPiece) -> Floats:

@@ -31,8 +31,7 @@ from dsfab.export.cad.step.worker.shapes import (
 from dsfab.export.cad.step.worker.triangles import draw, keep_drawn
 from dsfab.export.cad.step.worker.volume import VOLUME, volume
 
-CAN_FORK = sys.platform == "linux"
-"""True if the process can be forked safely."""
+CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
 
 
 class ForkedWork:

@@ -15,8 +15,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
-SECONDS, SECONDS_PER_MB = 60.0, 10.0
-"""Limits of the time for reading: a constant part, and seconds per megabyte."""
+SECONDS, SECONDS_PER_MB = 60.0, 10.0  # limits of the time for reading: a constant part, and seconds per megabyte
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:

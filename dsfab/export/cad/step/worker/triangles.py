@@ -12,8 +12,7 @@ import numpy as np
 
 from dsfab.export.cad.step.worker.shapes import compound, diagonal, faces_of, parts, read, write_binary
 
-DEFLECTION_SHARE = 1e-4
-"""Default deflection, as a share of the diagonal of the bounding box."""
+DEFLECTION_SHARE = 1e-4  # default deflection, as a share of the diagonal of the bounding box
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:

@@ -12,11 +12,8 @@ from numpy.polynomial import legendre
 
 from dsfab.export.cad.step.worker.shapes import faces_of, parts
 
-VOLUME = 1e-3
-"""Relative error that the adaptive rule must reach by its own estimate; the real error was a hundredth of this."""
-
-MANY_EDGES = 16
-"""Smallest number of edges of a face for Green's theorem; OCCT's rule is faster for faces with ten edges."""
+VOLUME = 1e-3  # relative error that the adaptive rule must estimate for itself; the real error was a hundredth of this
+MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem; OCCT's rule is faster for ten edges
 
 
 class PlaneSpline(NamedTuple):
