@@ -47,8 +47,7 @@ def arc_lengths(line: Floats) -> Floats:
 def even_samples(line: Floats) -> tuple[Floats, Floats]:
     """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
 
-    The number of intervals is a power of two.
-    """
+    The number of intervals is a power of two."""
     count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
     length = arc_lengths(line)
     x = np.arange(count + 1) / count
@@ -136,8 +135,7 @@ class LeastSquares:
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
         """Return the least-squares poles (n, d) for samples Q (k, d).
-        start : (n, d) positions of the fixed poles; the rows of free poles are 0.
-        """
+        start : (n, d) positions of the fixed poles; the rows of free poles are 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True

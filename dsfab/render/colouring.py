@@ -54,8 +54,7 @@ class ColourBar:
     """Colour scale of a picture.
     limit   : value at the right end; a scale of positive and negative values begins at -limit, else at 0.
     labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
-    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale.
-    """
+    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale."""
 
     limit: float
     labels: tuple[str, str, str]
@@ -67,8 +66,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; no bar if they show no values.
-    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption.
-    """
+    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None

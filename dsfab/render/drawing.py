@@ -33,8 +33,7 @@ class Annotations:
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither of them.
     reaction      : (n, 3) forces of the supports on the structure (N).
     gradient      : (m, 3) on each face; only its direction and relative size are visible.
-    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`.
-    """
+    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -46,8 +45,7 @@ class Annotations:
 @dataclass(frozen=True, eq=False)
 class Stage:
     """Bodies, camera and floor of a picture, and the ball around the structure: its `centre` (3,) and `radius` (m).
-    level : height of the floor along `view.floor` (m); None without a floor.
-    """
+    level : height of the floor along `view.floor` (m); None without a floor."""
 
     bodies: list[Body]
     view: View

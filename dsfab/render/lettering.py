@@ -20,8 +20,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
     families : colours of families (major, minor, kept).    tints : their stronger colours in the preview `families`.
-    ink : darkness of edge lines, 0..1.
-    """
+    ink : darkness of edge lines, 0..1."""
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)

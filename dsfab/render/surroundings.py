@@ -33,8 +33,7 @@ class SupportPart:
     """Connected support: its vertices (k,), its boundary edges (e, 2), or all edges if it has no boundary edge, as
     vertex indices, and the part that it becomes.
     along    : (3,) unit vector from the structure into the part.
-    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure.
-    """
+    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure."""
 
     kind: PartKind
     vertices: Ints
@@ -46,8 +45,7 @@ class SupportPart:
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
     """Return the connected supports as parts of a building. up : (3,) unit vector. Their kinds follow from geometry:
     inner supports from which the structure falls away are hangers, and supports on one side of it are abutments.
-    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts.
-    """
+    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
@@ -103,8 +101,7 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
     """Return the height of the ground (m): 0 below a structure that is drawn with headroom, else that of its lowest
-    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m).
-    """
+    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m)."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -148,8 +145,7 @@ def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
     """Return a prism with round corners around each group of vertices of V (n, 3), from the height `begin` (n,) of each
-    vertex along an axis (3,) to its height `end`.
-    """
+    vertex along an axis (3,) to its height `end`."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

@@ -15,8 +15,7 @@ Values = dict[str, list[Any]]  # dotted keys and their values
 
 def parse_variations(texts: Sequence[str]) -> Values:
     """Return the keys with their values from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or
-    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys.
-    """
+    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys."""
     variations: Values = {}
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))

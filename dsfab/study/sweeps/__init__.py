@@ -6,8 +6,7 @@ runs        points, one database per folder, and the optimiser
 in_memory   order of runs that shares stages; `sweep`
 workers     processes of this machine, or a Dask cluster
 scheduler   gives runs to workers
-folder      writes all results
-"""
+folder      writes all results"""
 
 from dsfab.study.sweeps.in_memory import Run, sweep
 from dsfab.study.sweeps.metrics import BASIC, METRICS

@@ -28,8 +28,7 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
     """Return indices of the runs in an order in which successive runs share many stages: keys of early stages change
-    least often. Values of a stage keep the order in which they first appear.
-    """
+    least often. Values of a stage keep the order in which they first appear."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -51,8 +50,7 @@ class Rows:
 
     def take(self, worker: str) -> int | None:
         """Return the next run of a worker, or None. A worker with an empty queue takes over the free runs, or half of
-        the longest queue.
-        """
+        the longest queue."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._take_share()
@@ -100,8 +98,7 @@ def sweep(
     Successive runs share stages: a sweep over pattern keys solves statics and modes once. For metrics from `METRICS`,
     only the necessary stages run. A design that cannot be built gives a Run with the error. The command `dsfab sweep`
     runs a sweep in a folder, with many processes; it can continue after a stop.
-    Raises PresetError for invalid keys, metrics or values, before anything is built.
-    """
+    Raises PresetError for invalid keys, metrics or values, before anything is built."""
     measured = _metrics(metrics)
     combinations = [dict(zip(vary, values, strict=True)) for values in product(*vary.values())]
     presets = [with_overrides(preset, changes) for changes in combinations]

@@ -57,8 +57,7 @@ def conduct(
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep; by default counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
-    recorded as running; `Store.reset_to_waiting` resets them.
-    """
+    recorded as running; `Store.reset_to_waiting` resets them."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 

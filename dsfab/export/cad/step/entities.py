@@ -323,8 +323,7 @@ def _tables(
 def _ratios(shape: Polyhedron) -> Floats:
     """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
 
-    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths.
-    """
+    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -361,8 +360,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 def header(name: str, description: str, pieces: int = 1) -> str:
     """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
 
-    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time.
-    """
+    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(

@@ -49,8 +49,7 @@ def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
 
     Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
-    Raises BudgetError later if the file becomes too large.
-    """
+    Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)

@@ -113,8 +113,7 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
     """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
 
-    Raises ExportError if no spline follows so closely.
-    """
+    Raises ExportError if no spline follows so closely."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))

@@ -73,8 +73,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
 
     The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
-    jump across a vertex where a region touches itself.
-    """
+    jump across a vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -157,8 +156,7 @@ class Polyhedron:
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], its outer loop first.
     normals : (f, 3) unit normals.
     origin  : (f,) a point of each face.
-    shell   : (f,) closed shell of each face.
-    """
+    shell   : (f,) closed shell of each face."""
 
     points: Floats
     edges: Ints
@@ -186,8 +184,7 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Boo
     """Return (n,) True for vertices that the outlines need; vertices inside a straight edge are not needed.
 
     A vertex is not needed if just two outline edges meet there, in line. Every run of such vertices must also lie on
-    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners.
-    """
+    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners."""
     a = F.ravel()[outline.h]
     edge = np.unique(table.of.ravel()[outline.h])
     degree = np.bincount(table.ends[edge].ravel(), minlength=len(V))

@@ -29,8 +29,7 @@ REDRAWING_ROUNDS = 2  # number of times that OCCT redraws crossing curved faces,
 class StepTriangles(NamedTuple):
     """Triangles of a STEP file: V (n, 3) distinct points in metres, F (m, 3) counter-clockwise from outside.
 
-    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped.
-    """
+    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped."""
 
     V: Floats
     F: Ints
@@ -74,8 +73,7 @@ def curved_soundness(
 def step_fault(path: Path, deflection: float) -> str:
     """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
 
-    Raises ExportError if OCCT cannot read the file or takes too long.
-    """
+    Raises ExportError if OCCT cannot read the file or takes too long."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
@@ -118,8 +116,7 @@ def _redraw(
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
     """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
 
-    A face that OCCT omits or fails to join changes that number.
-    """
+    A face that OCCT omits or fails to join changes that number."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))

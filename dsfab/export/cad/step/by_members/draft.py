@@ -175,8 +175,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
     """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
 
     fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
-           triangles, see `RegionInterior`.
-    """
+           triangles, see `RegionInterior`."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 

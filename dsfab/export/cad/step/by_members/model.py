@@ -50,8 +50,7 @@ class NetModel:
 
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin.
-    """
+    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)

@@ -137,8 +137,7 @@ class TrimmedFace:
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
     exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
-    astray : excess over the allowed distance from the mesh; -inf without a limit.
-    """
+    astray : excess over the allowed distance from the mesh; -inf without a limit."""
 
     loops: list[ChainLoop]
     outer: Floats

@@ -252,8 +252,7 @@ class Lifting:
     def _in_faces(self, weights: csr_array) -> csr_array:
         """Replace points between two faces beside a crease by the nearest places in a face.
 
-        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain.
-        """
+        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

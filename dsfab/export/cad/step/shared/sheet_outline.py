@@ -21,8 +21,7 @@ class OutlineRun:
     """Part of an outline.
 
     vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width.
-    """
+    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width."""
 
     vertices: Ints
     beyond: int

@@ -2,8 +2,7 @@
 
 charts, skins -> all pieces -> file -> `findings`  -> `PieceJudge` -> refused pieces: tighter curves
  ^                                                                       |  still refused
- '---------------- another layout of charts, for these only -------------'-> faceted, piece by piece
-"""
+ '---------------- another layout of charts, for these only -------------'-> faceted, piece by piece"""
 
 from collections.abc import Collection, Iterator
 from contextlib import ExitStack
@@ -152,8 +151,7 @@ class SmoothPlan(SolidPlan):
     def layouts(self) -> Iterator[Floats]:
         """Yield the fields (n, c) of distinct layouts: chart k covers the part where field k is largest.
 
-        The first layout is for open sheets only, because its charts become too steep on a closed surface.
-        """
+        The first layout is for open sheets only, because its charts become too steep on a closed surface."""
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
         outlines = 40  # a chart has about 40 outlines, because OCCT's time grows with the square of their number
@@ -354,8 +352,7 @@ def rebuild_until_sound(built: SmoothSolid, k: int, level: dict[RunKey, int]) ->
 def astray(piece: SmoothPiece, corners: Floats, limits: SmoothLimits) -> Floats:
     """Return (k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than allowed.
 
-    OCCT's triangles would show such corners, too, but another round with OCCT takes seconds.
-    """
+    OCCT's triangles would show such corners, too, but another round with OCCT takes seconds."""
     chord_count, nearest_count = 64, 4  # chords along an edge, and near chords whose distance from a corner counts
     x = np.linspace(0, 1, chord_count + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

@@ -31,8 +31,7 @@ def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0)
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
     cone : largest angle (radians) between the normals of a cluster of faces and their mean.
-    fewest : smallest number of charts; start : seed, another number gives another layout.
-    """
+    fewest : smallest number of charts; start : seed, another number gives another layout."""
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))

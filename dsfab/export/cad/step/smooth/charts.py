@@ -134,8 +134,7 @@ def patch_through(
 ) -> tuple[SplinePatch, Floats]:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
 
-    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
-    """
+    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -157,8 +156,7 @@ class _Cells:
 
     Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
     order : (k,) points, cell after cell; start : first index of each cell in `order`.
-    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order.
-    """
+    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order."""
 
     order: Ints
     start: Ints
@@ -308,8 +306,7 @@ class SkinChart:
     upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
     tolerance    : of the fit; larger on a coarse mesh.
     steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
-    off          : largest distance of a skin from its points.
-    """
+    off          : largest distance of a skin from its points."""
 
     origin: Floats
     axes: Floats
@@ -334,8 +331,7 @@ class ChartAtlas:
     """Charts of a surface, fitted on demand.
 
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number, without charts that no spline follows; `failed` holds the reasons.
-    """
+    charts : by number, without charts that no spline follows; `failed` holds the reasons."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance

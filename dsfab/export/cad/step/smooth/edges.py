@@ -76,8 +76,7 @@ class SmoothEdge:
     upper, lower : cubics with equal knots, or lines.
     flat         : by chart, the curve in the plane of the chart.
     gap          : largest distance between the curves in space and the curves on the skins, millimetres.
-    wall         : True under a wall, False where two charts meet.
-    """
+    wall         : True under a wall, False where two charts meet."""
 
     start: int
     end: int
@@ -143,8 +142,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
     """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
 
-    A skin may wave along a simple plane curve; then more samples are taken.
-    """
+    A skin may wave along a simple plane curve; then more samples are taken."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]

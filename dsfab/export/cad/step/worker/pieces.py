@@ -3,8 +3,7 @@
 Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (its lowest and highest corner),
 `gap` (mm: measured largest distance between an edge and its curve on a face, whatever its tolerance) and `bad`, the
 ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles gets no volume, because
-triangles and volumes take most of the time.
-"""
+triangles and volumes take most of the time."""
 
 import ctypes
 import json
@@ -97,8 +96,7 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
     copies     : True if forks share the work. It must be False after OCCT made triangles, because a fork would then
-                 wait for threads that it does not have.
-    """
+                 wait for threads that it does not have."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -113,8 +111,7 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
 
     The triangles are those of `dsfab check`. The reader of `dsfab check` also repairs, but a valid file needs no
     repair. If every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With
-    `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel.
-    """
+    `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []
@@ -199,8 +196,7 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
 
-    For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles.
-    """
+    For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles."""
     angle = 0.5  # neighbouring triangles turn by at most 0.5 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters

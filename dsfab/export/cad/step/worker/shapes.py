@@ -81,8 +81,7 @@ def compound(shapes: list[Any]) -> Any:
 def bounds(shape: Any, with_triangles: bool = True) -> list[float]:
     """Return the lowest and highest corner of OCCT's box, six numbers.
 
-    with_triangles : use triangles that the faces hold.
-    """
+    with_triangles : use triangles that the faces hold."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -112,8 +111,7 @@ def is_valid(shape: Any) -> bool:
 def gauss_kronrod_volume(shape: Any, accuracy: float) -> float:
     """Return the volume (mm3) to a relative accuracy, also for faces with many holes or curved edges.
 
-    On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 with 1e-5.
-    """
+    On a plate with 65 holes and curved walls OCCT's adaptive rule was 1e-3 off, and this rule 7e-9 with 1e-5."""
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -135,8 +133,7 @@ def step_facts(path: Path) -> dict[str, Any]:
 
     Solids give {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, tessellated geometry
     {"triangles": 12, "volume": 1000.0}, and for lines {"lines": 3, "length": 12.0}. Raises ValueError if OCCT finds no
-    shape.
-    """
+    shape."""
     accuracy = 1e-5
     shape = read(path)
     text = b"" if path.suffix == ".brep" else path.read_bytes()
