@@ -47,10 +47,6 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 
 NAMES = {
     "design": "this design",
-    "plain": "the same, plain widths",
-    "row": "Table 1's row, labelled by sign",
-    "letter": "Table 1's row to the letter",
-    "stripes": "evenly spaced stripes",
     "isotropic": "isotropic, best pair of modes",
     "rotated": "turned by 45°, best pair",
     "thinner": "whole sheet, thinner",
