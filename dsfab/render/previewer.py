@@ -192,9 +192,7 @@ class Previewer:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
-        release_freed_memory(
-            16.0 * size[0] * size[1] * quality.finer**2
-        )  # intermediate pictures are not needed any more
+        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # intermediate pictures end here
         alone = len(stage.bodies) == 1  # without marks, an empty picture means that no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")

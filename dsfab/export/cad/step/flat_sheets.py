@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, area_vectors, lock
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.planar import FLATNESS
@@ -67,8 +67,7 @@ class FlatPlate:
 
 def outlines_of(part: Part) -> FlatOutlines:
     """Return the outlines of a flat solid; raises ExportError if the solid is not a sheet between two planes."""
-    corners = part.V[part.F]
-    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    vectors = area_vectors(part.V, part.F)
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, polygon_perimeter, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, polygon_perimeter, unit_vectors
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
@@ -124,8 +124,7 @@ def _regions(
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
-    a, b, c = (P[sheet.F[:, i]] for i in range(3))
-    area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
+    area = np.bincount(region, np.linalg.norm(area_vectors(P, sheet.F), axis=1) / 2, count)
     loose = np.zeros(count, dtype=bool)
     loose[region[sheet.loose]] = True
     small = np.flatnonzero((area < (sliver * thickness) ** 2) & ~loose)
