@@ -122,9 +122,8 @@ def _fabrication_lines(facts: Mapping[str, Any]) -> list[str]:
 
 
 def _verbose_lines(design: "Design", saved: "SavedDesign") -> list[str]:
-    from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
+    from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines, mode_lines
     from dsfab.report.design.inspection import load_lines, quality_lines
-    from dsfab.report.design.statics import mode_lines
 
     facts, solid, description = saved.facts, design.solid, design.preset.description
     pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"

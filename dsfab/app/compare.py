@@ -18,7 +18,7 @@ from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
 from dsfab.core.messages import value_with_bound as bounded
 from dsfab.export import atomic_folder, require_writable
-from dsfab.report.comparison_files import summary_document, write_results
+from dsfab.report.compliance import summary_document, write_results
 from dsfab.report.compliance.findings import percent, within
 from dsfab.report.design.facts import versions
 from dsfab.study import losing_line

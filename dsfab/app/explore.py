@@ -26,13 +26,13 @@ from dsfab.report import contact_sheet as sheets
 from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, ContactTile
 from dsfab.study.variations import (
     Values,
-    best_order,
     combinations,
     count,
     expected_seconds,
     parse_variations,
     short_names,
     spelled_value,
+    stage_order,
 )
 
 UNCONFIRMED_VARIANTS = 200  # Largest number of variants without --yes.
@@ -57,7 +57,7 @@ class Variants:
         listed = list(combinations(self.values))
         reporter("preview", f"drawing {total} variants")
         with self._previewers() as previewers:
-            for index in best_order(self.values):
+            for index in stage_order(listed):
                 tile_by_index[index] = self._tile(index + 1, listed[index], previewers)
         if all(tile.png is None for tile in tile_by_index.values()):
             raise DsfabError(

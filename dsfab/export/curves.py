@@ -12,20 +12,17 @@ from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error
+from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_within
 from dsfab.surface import polyline_length
 
-KNOT_DIGITS = 4
-"""Decimals of knots, which are millimetres along the polyline."""
-AT_ONCE = 5_000
-"""Number of samples in one batch of lines, whose arrays fit into the processor's cache."""
+KNOT_DIGITS = 4  # decimals of knots, which are millimetres along the polyline
+AT_ONCE = 5_000  # number of samples in one batch of lines, whose arrays fit into the processor's cache
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
 """Matrix from a cubic's values at thirds of a span to its coefficients of 1, x, x^2 and x^3, with x from 0 to 1."""
-Refined = tuple[Floats, Floats, int, float]
-"""Knots, poles, degree, and the largest distance from the polyline."""
+Refined = tuple[Floats, Floats, int, float]  # knots, poles, degree, and the largest distance from the polyline
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,13 +309,11 @@ def _split(curve: Curve, parameter: float) -> list[Curve]:
     ]
 
 
-CLOSEST = 1e-3
-"""Smallest tolerance of curves along exact lines (mm)."""
+CLOSEST = 1e-3  # smallest tolerance of curves along exact lines (mm)
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """Limits of the samples of a spline. A spline with more samples has more poles than the polyline points, and takes
 long to fit."""
-REMEMBERED = 4096
-"""Largest number of lines in the cache of curves. The next format of the same design reuses the curves."""
+REMEMBERED = 4096  # largest number of lines in the cache of curves, which the next format of a design reuses
 
 
 def curve_tolerance(part: Part) -> float:
@@ -356,8 +351,7 @@ def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Cur
 
 
 Key = tuple[bytes, tuple[int, ...], float]
-_remembered = dict[Key, tuple[Curve, ...]]()
-"""Curves by line and tolerance; the newest curves are at the end."""
+_remembered = dict[Key, tuple[Curve, ...]]()  # curves by line and tolerance; the newest curves are at the end
 
 
 def _remember(chain_by_key: Mapping[Key, tuple[Curve, ...]]) -> None:
@@ -416,8 +410,7 @@ def check_curves(part: Part, curves_read: Mapping[str, Sequence[Floats]]) -> Rea
     The total length must agree within the tolerance of `check_length`, and each line must be at its place.
     Raises ExportError if the file differs from the part."""
     lines = {line.id: line.points for line in part.details.lines}
-    if curves_read.keys() != lines.keys():
-        raise count_error(part, "lines", len(lines), len(curves_read))
+    require_equal(part, "lines", lines.keys(), curves_read.keys())
     error = check_length(part, sum(polyline_length(points) for curves in curves_read.values() for points in curves))
     for name, points in lines.items():
         clouds = np.concatenate(curves_read[name]), points

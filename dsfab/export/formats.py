@@ -12,8 +12,7 @@ import numpy as np
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.analysis import calculix, opensees, saf, vtu
-from dsfab.export.bim import ifc
-from dsfab.export.cad import rhino
+from dsfab.export.cad import ifc, rhino
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.strategies import Estimate, estimates
 from dsfab.export.drawing import dxf, svg

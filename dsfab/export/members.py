@@ -12,8 +12,7 @@ from dsfab.export.part import Part
 if TYPE_CHECKING:
     from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
-LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9
-"""Decimals of lengths in millimetres, and decimals of directions and of curvatures per metre."""
+LENGTH_DIGITS, CURVATURE_DIGITS = 4, 9  # decimals of millimetres, and of directions and curvatures per metre
 
 
 @dataclass(frozen=True)

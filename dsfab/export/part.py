@@ -6,14 +6,13 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.core.units import MM_PER_M
-from dsfab.surface import StructureLine, Surface, bounding_box, signed_volume, total_area
+from dsfab.surface import StructureLine, Surface, bounding_box, link_components, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
 
@@ -114,8 +113,7 @@ class MemberShape:
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
 
-STEP_FACES = 30_000
-"""Default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements."""
+STEP_FACES = 30_000  # default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
 """Names of the ways to write a STEP file; `compact` means the same as `smooth`."""
 
@@ -280,11 +278,10 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
     if not len(lost):
         return replace(part, V=V)
-    links = coo_array((np.ones(len(lost), dtype=np.int8), (a[lost], b[lost])), shape=(len(V),) * 2)
-    component = connected_components(links, directed=False)[1].astype(np.int64)
+    count, component = link_components(len(V), a[lost], b[lost])
     F = component[part.F]
     F = F[(np.roll(F, -1, axis=1) != F).all(axis=1)]
-    merged = np.empty((int(component.max()) + 1, 3))
+    merged = np.empty((count, 3))
     merged[component] = V
     small = replace(part, V=merged, F=F)
     if not len(F) or (part.is_solid and (open_edges(F) or abs(small.volume - part.volume) > READ_BACK * part.volume)):

@@ -1,6 +1,6 @@
 """Comparison of a written file with its part: a second reader returns the mesh, the lines or the members."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,8 +12,7 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import bounding_box, polyline_length, signed_volume, total_area
 
-NUMBERS_READ_BACK = 1e-9
-"""Largest error of numbers of 10 or more digits that are read back, as a share of the largest number."""
+NUMBERS_READ_BACK = 1e-9  # largest error of numbers of 10 or more digits that are read back, over the largest number
 
 
 @dataclass(frozen=True)
@@ -68,11 +67,9 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
     """Compare a mesh V (n, 3), millimetres, F (m, 3) with the part: triangles, box, volume; a solid must be closed.
     Raises ExportError if the mesh differs from the part."""
-    if len(F) != len(part.F):
-        raise count_error(part, "triangles", len(part.F), len(F))
+    require_equal(part, "triangles", len(part.F), len(F))
     vertices_read, vertices_expected = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
-    if vertices_read != vertices_expected:
-        raise count_error(part, "vertices", vertices_expected, vertices_read)
+    require_equal(part, "vertices", vertices_expected, vertices_read)
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     moved = float(np.abs(bounding_box(V, F) - part.box).max())
     if not moved <= READ_BACK * size:
@@ -97,8 +94,7 @@ def check_measure(part: Part, measure_read: float) -> float:
 def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     """Compare polylines (k, 3) with the part's lines: equal number, total length within 0.1 %; else ExportError."""
     lines = part.details.lines
-    if len(lines_read) != len(lines):
-        raise count_error(part, "lines", len(lines), len(lines_read))
+    require_equal(part, "lines", len(lines), len(lines_read))
     expected, length_read = sum(polyline_length(line.points) for line in lines), sum(map(polyline_length, lines_read))
     if not abs(length_read - expected) <= READ_BACK * expected:
         raise ExportError(
@@ -108,9 +104,13 @@ def check_lines(part: Part, lines_read: Sequence[Floats]) -> ReadBack:
     return ReadBack(len(lines_read), "lines", length_read / expected - 1, "length")
 
 
-def count_error(part: Part, what: str, expected: int, count_read: int) -> ExportError:
-    """Return the error for a count in the file that differs from the part's count."""
-    return ExportError(f"{part.name!r} reads back with {count_read} {what} instead of {expected}; write another format")
+def require_equal(part: Part, what: str, expected: int | Collection[str], content: int | Collection[str]) -> None:
+    """Raise ExportError if a count or the names in a file differ from those of the part."""
+    if content != expected:
+        count, expected_count = (x if isinstance(x, int) else len(x) for x in (content, expected))
+        raise ExportError(
+            f"{part.name!r} reads back with {count} {what} instead of {expected_count}; write another format"
+        )
 
 
 def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
@@ -158,17 +158,16 @@ def check_shapes(part: Part, meshes_read: Mapping[str, tuple[Floats, Ints]]) -> 
     Each mesh must be closed, with the member's number of triangles, its place, and its volume within 0.1 %; else
     ExportError."""
     shapes = part.details.shapes
-    if [shape.id for shape in shapes] != list(meshes_read):
-        raise count_error(part, "members", len(shapes), len(meshes_read))
+    require_equal(part, "members", [shape.id for shape in shapes], list(meshes_read))
     total = total_read = 0.0
     for shape in shapes:
         V, F = meshes_read[shape.id]
-        if len(F) != len(shape.F) or open_edges(F):
-            raise count_error(part, f"triangles in {shape.id}", len(shape.F), len(F))
+        require_equal(part, f"triangles in {shape.id}", len(shape.F), len(F))
         volume, volume_read = (signed_volume(*mesh) for mesh in ((shape.V, shape.F), (V, F)))
         size = float(np.ptp(shape.V, axis=0).max())
         moved = float(np.abs(V[F].mean(axis=(0, 1)) - shape.V[shape.F].mean(axis=(0, 1))).max())
-        if not (abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size):
+        is_near = abs(volume - volume_read) <= READ_BACK * volume and moved <= READ_BACK * size
+        if open_edges(F) or not is_near:
             raise ExportError(f"the member {shape.id} of {part.name!r} reads back changed; write .members.json instead")
         total, total_read = total + volume, total_read + volume_read
     return ReadBack(len(meshes_read), "members", total_read / total - 1)

@@ -47,8 +47,7 @@ def arc_lengths(line: Floats) -> Floats:
 def even_samples(line: Floats) -> tuple[Floats, Floats]:
     """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
 
-    The number of intervals is a power of two.
-    """
+    The number of intervals is a power of two."""
     count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
     length = arc_lengths(line)
     x = np.arange(count + 1) / count
@@ -136,8 +135,7 @@ class LeastSquares:
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
         """Return the least-squares poles (n, d) for samples Q (k, d).
-        start : (n, d) positions of the fixed poles; the rows of free poles are 0.
-        """
+        start : (n, d) positions of the fixed poles; the rows of free poles are 0."""
         touches_fixed = np.zeros(len(start), dtype=bool)
         for i in range(4):
             touches_fixed[np.maximum(self.held - i, 0)] = True
@@ -244,12 +242,9 @@ class RowSpans:
         return RowSpans(low, high, row, first_half[span] + (two[span] & (x >= middle[span])))
 
 
-SAMPLES_PER_SPAN = 6
-"""Smallest number of samples for each span of a curve; with fewer samples the curve oscillates between them."""
-AT_ONCE = 20_000
-"""Number of samples in one batch of curves, whose arrays fit into the processor's cache."""
-Fitted = tuple[Spline, float]
-"""A curve, and its largest distance from its samples."""
+SAMPLES_PER_SPAN = 6  # smallest number of samples for each span of a curve, which oscillates between fewer samples
+AT_ONCE = 20_000  # number of samples in one batch of curves, whose arrays fit into the processor's cache
+Fitted = tuple[Spline, float]  # a curve, and its largest distance from its samples
 
 
 def splines_through(

@@ -19,8 +19,7 @@ from typing import Any
 
 from dsfab.core.errors import ExportError
 
-TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
-"""Zeros at the end of decimals; they would make up a quarter of a STEP file."""
+TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")  # zeros after decimals, a quarter of a STEP file
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
@@ -49,8 +48,7 @@ def one_line(name: str) -> str:
 
 PARTIAL = ".partial"
 _WHOSE = re.compile(r"-([0-9a-f]{8})-(\d+)-(\d+)-[0-9a-z_]+(\..*)?")
-_STATE, _TICK = 0, 19
-"""Positions of two words in /proc/PID/stat, counted after the program's name: its state and its first tick."""
+_STATE, _TICK = 0, 19  # places of two words in /proc/PID/stat after the program's name: its state and its first tick
 
 
 def partial_name(suffix: str = "") -> str:
@@ -199,16 +197,13 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
         os.fsync(file.fileno())
 
 
-DESIGN = "design.json"
-"""File with the manifest of a design's folder. dsfab writes this file last; the manifest does not list it."""
+DESIGN = "design.json"  # manifest of a design's folder; dsfab writes this file last, and the manifest does not list it
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
 
-_HERE, _EXCHANGE = -100, 2
-"""AT_FDCWD and RENAME_EXCHANGE of renameat2(2)."""
-Outdated = Callable[[Path, Path], set[str]]
-"""A function from the old and the new folder to the names of old files to remove."""
+_HERE, _EXCHANGE = -100, 2  # AT_FDCWD and RENAME_EXCHANGE of renameat2(2)
+Outdated = Callable[[Path, Path], set[str]]  # function from the old and the new folder to the old files to remove
 
 
 @contextmanager

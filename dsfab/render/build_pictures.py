@@ -48,8 +48,7 @@ WALL_VIEW = "24,9"  # azimuth and elevation (degrees) of the view of a standing 
 class ClientPicture:
     """Data of a picture for clients, which a second process can draw.
     V, F    : solid (n, 3) metres and (m, 3), outward oriented.    half : half its thickness (m).
-    surface, load : uncut surface and its supports.    caption : line below the picture.
-    """
+    surface, load : uncut surface and its supports.    caption : line below the picture."""
 
     V: Floats
     F: Ints
@@ -73,8 +72,7 @@ class ClientPicture:
     @cached_property
     def stage(self) -> Stage:
         """The main view of the solid, its supports (if it has any), and last a person or a pencil.
-        Raises DsfabError for a solid without faces.
-        """
+        Raises DsfabError for a solid without faces."""
         if not len(self.F):
             raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
         palette, surface, up = self.look.palette, self.surface, self.up
@@ -102,8 +100,7 @@ class ClientPicture:
 
     def render(self) -> Bytes:
         """Return (height, width, 3) bytes: the whole building, then its plan and elevation at one scale.
-        This machine is not tested: if VTK cannot draw, it ends the process. Raises as `stage`.
-        """
+        This machine is not tested: if VTK cannot draw, it ends the process. Raises as `stage`."""
         from PIL import Image
 
         palette, stage = self.look.palette, self.stage
@@ -135,8 +132,7 @@ class AnalysisPicture:
     """Data of a picture of loads and supports, and beside it of the use of the cut sheet, for a second process.
     loaded  : the left half, whose side, size and colours are also those of the right half.
     V, F    : cut sheet (n, 3) metres and (m, 3).    faces : its colours, bar and caption.
-    callouts: notes on places of the cut sheet.
-    """
+    callouts: notes on places of the cut sheet."""
 
     loaded: StructurePicture
     V: Floats

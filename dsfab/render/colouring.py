@@ -28,10 +28,8 @@ STATICS_RESULTS = ("vonmises", "utilisation", "energy", "displacement", "bucklin
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
 DEFORMED = ("displacement", "buckling", "frequency")  # results that are drawn as a deformed shape
 MODE_FIELDS = ("major_mode", "minor_mode")  # names of the modes; stripes are level lines of a mode
-WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)
-"""Pictures of the uncut sheet, which has no stripes yet."""
-COLOUR_PERCENTILE = 98.0
-"""Percentile of the stress at which the colour scale ends; a few peaks under loads and supports are above it."""
+WHOLE_SHEET = ("loads", "directions", *MODE_FIELDS, *STATICS_RESULTS)  # pictures of the uncut sheet, without stripes
+COLOUR_PERCENTILE = 98.0  # percentile of the stress at which the scale ends, below a few peaks under loads and supports
 
 # blue shows compression and red shows tension; both are equally dark, and colour-blind people can tell them apart
 _DIVERGING = np.array(
@@ -56,8 +54,7 @@ class ColourBar:
     """Colour scale of a picture.
     limit   : value at the right end; a scale of positive and negative values begins at -limit, else at 0.
     labels  : labels below the left end, middle and right end.        names : labels above the left and right end.
-    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale.
-    """
+    colours : (k, 3) from left to right.                              bands : number of steps; 0 for a smooth scale."""
 
     limit: float
     labels: tuple[str, str, str]
@@ -69,8 +66,7 @@ class ColourBar:
 @dataclass(frozen=True, eq=False)
 class Colouring:
     """Colours (m, 3) of a picture's faces as bytes, and the bar that explains them; no bar if they show no values.
-    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption.
-    """
+    V : (n, 3) vertices to draw (m); None for the vertices of the surface.    words : text for the caption."""
 
     face: Bytes
     bar: ColourBar | None = None

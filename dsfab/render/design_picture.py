@@ -91,8 +91,7 @@ def structure_drawing(
     size: tuple[int, int] = DEFAULT_SIZE,
 ) -> StructurePicture:
     """Return the data of a picture of the finished structure in the style of `Previewer`.
-    view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
-    """
+    view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible."""
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -158,8 +157,7 @@ class Pictures:
 @contextmanager
 def pictures_in_background() -> Iterator[Pictures]:
     """Yield pictures that a second process draws if this machine has more than one core.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     require_rendering()  # sets VTK's kind of window in the environment of both processes
     if (os.cpu_count() or 1) == 1:
         yield Pictures()

@@ -33,8 +33,7 @@ class Annotations:
     surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither of them.
     reaction      : (n, 3) forces of the supports on the structure (N).
     gradient      : (m, 3) on each face; only its direction and relative size are visible.
-    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`.
-    """
+    layers        : names from `EVERY_LAYER`; a person appears only beside heights in `PERSON_RANGE`."""
 
     surface: Surface | None = None
     load: LoadCase | None = None
@@ -46,8 +45,7 @@ class Annotations:
 @dataclass(frozen=True, eq=False)
 class Stage:
     """Bodies, camera and floor of a picture, and the ball around the structure: its `centre` (3,) and `radius` (m).
-    level : height of the floor along `view.floor` (m); None without a floor.
-    """
+    level : height of the floor along `view.floor` (m); None without a floor."""
 
     bodies: list[Body]
     view: View
@@ -172,11 +170,8 @@ _LEG = [
 ]  # fmt: skip
 
 GroundKind = Literal["paper", "white", "transparent"]  # ground of a picture
-FINER = light.FINE.finer
-"""Side of a fine drawing over the side of its picture, whose pixels are means of the drawing's pixels."""
-
-EDGE_COSINE = np.float32(0.87)
-"""Largest cosine of the angle between two faces at which their common edge is drawn as a line."""
+FINER = light.FINE.finer  # side of a fine drawing over the side of its picture, whose pixels are means of the drawing's
+EDGE_COSINE = np.float32(0.87)  # largest cosine of the angle between two faces whose common edge is drawn as a line
 
 
 def check_ground(ground: str) -> None:

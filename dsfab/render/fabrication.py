@@ -45,8 +45,7 @@ def workshop_picture(
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a design's solid in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     check_ground(ground)
     require_rendering()
     palette = replace(palette, paper=(255, 255, 255)) if ground == "white" else palette

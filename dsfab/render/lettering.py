@@ -20,8 +20,7 @@ MarkName = Literal["load", "support", "reaction", "person", "masonry", "tension"
 class Palette:
     """Colours of a picture: red, green and blue in 0..255.
     families : colours of families (major, minor, kept).    tints : their stronger colours in the preview `families`.
-    ink : darkness of edge lines, 0..1.
-    """
+    ink : darkness of edge lines, 0..1."""
 
     paper: Colour = (253, 252, 249)
     shadow: Colour = (118, 112, 110)
@@ -159,8 +158,7 @@ def _mark_sign(draw: "ImageDraw", name: MarkName, palette: Palette, place: tuple
 
 GRID_PIXELS = 4  # cell size (pixels) of the grid that records occupied places
 NAME_DISTANCES = np.arange(1.5, 30.0, 1.0)  # tried distances of a name from its member, in letter heights
-NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-"""Directions from a member in which its name is tried (radians)."""
+NAME_DIRECTIONS = np.linspace(0, 2 * np.pi, 16, endpoint=False)  # directions from a member to try for its name
 
 
 @dataclass(frozen=True, eq=False)

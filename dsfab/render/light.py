@@ -1,6 +1,5 @@
 """Light of pictures: many small lamps with shadow maps make a sun with a soft edge, an overcast sky and a faint floor.
-A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows.
-"""
+A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -8,14 +7,12 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
-GRAIN = 1.2
-"""Radius (map pixels) of random offsets at which a map is read; they turn the steps of the map into a fine grain."""
-SURFACE_LIFT = 2.5
-"""Height of lit points above their surface, over the side of a map pixel; without it, map steps would cast shadows."""
+GRAIN = 1.2  # radius (map pixels) of random offsets at which a map is read; they turn its steps into a fine grain
+SURFACE_LIFT = 2.5  # height of lit points above their surface, over a map pixel; otherwise map steps would cast shadows
 LARGEST_DEPTH = np.float32(0.9999)  # largest depth that counts as a body; a map pixel without a body has depth 1
 _DEPTH_RANGE = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
@@ -32,8 +29,7 @@ class ShadowMaps:
     """Shadow maps of b lamps. One matrix product serves all of them, because many small products are slow.
     maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
     placing : (3 b, 6) matrix from a point, its random offset (see `GRAIN`) and 1 to map columns, map rows and depths.
-    towards : (b, 3) unit vectors times the strengths of the lamps.
-    """
+    towards : (b, 3) unit vectors times the strengths of the lamps."""
 
     maps: Floats32
     placing: Floats32
@@ -93,8 +89,7 @@ class LightQuality:
     """Lamps and their maps. sun, sky, below : number of lamps in the sun, in the sky, and below the structure.
     sharp : side of the sun's maps (pixels), whose shadows are sharper.    coarse : side of all other maps.
     blur  : blur of shadows on the floor, divided by the picture's height: for the sun, and for all other lamps.
-    finer : factor by which a picture is drawn larger and then reduced, for smooth edges.
-    """
+    finer : factor by which a picture is drawn larger and then reduced, for smooth edges."""
 
     sun: int = 10
     sky: int = 36
@@ -117,8 +112,7 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of a picture among a hundred."""
-ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
-"""Quality of a picture that the next picture soon replaces."""
+ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)  # quality of a picture that another soon replaces
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,14 +141,10 @@ def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
     groups.append(_cap(quality.sky, np.radians(78.0)) @ frame_towards(floor))
     groups.append(_cap(quality.below, np.radians(75.0)) @ frame_towards(-floor))
     strength = [
-        np.full(len(group), share / (group @ _unit(group.mean(axis=0))).sum())
+        np.full(len(group), share / (group @ unit_vectors(group.mean(axis=0))).sum())
         for group, share in zip(groups, LIGHT_SHARES, strict=True)
     ]
     return Lamps(np.concatenate(groups), np.concatenate(strength), quality)
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _cap(count: int, half_angle: float) -> Floats:
@@ -169,8 +159,7 @@ def _cap(count: int, half_angle: float) -> Floats:
 def lamp_light(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
     """Return the light (2, k) of the sun and of all other lamps on points (3, k) with normals (3, k), in scene units.
     paired : the first `paired` points form pairs, each within a pixel of the final picture. Half of the sky lamps
-             light the first point of a pair, and the other half light the second, with double strength.
-    """
+             light the first point of a pair, and the other half light the second, with double strength."""
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
     quality, numbers = all_lamps.quality, np.arange(len(all_lamps.strength))
@@ -212,8 +201,7 @@ def pixel_and_floor_light(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
     """Return the light (k,) on the k drawn pixels, and on the floor (h, w), divided by the floor's unshaded light.
-    The floor is the plane at `level` along its normal `floor`, in scene units; without a level there is none.
-    """
+    The floor is the plane at `level` along its normal `floor`, in scene units; without a level there is none."""
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
     if level is None:
@@ -231,8 +219,7 @@ def pixel_and_floor_light(
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
     """Return points and normals (3, k + spare) of the k drawn pixels, in scene units; `spare` last columns are empty.
-    Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time.
-    """
+    Points are ordered by strips of rows, so that neighbours are close in memory; this saves two thirds of the time."""
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, pixel_range in _strips(hit):
         _strip_points(scene, view, pixels, hit, rows, (points[:, pixel_range], normals[:, pixel_range]))

@@ -71,8 +71,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     """Return a few slim arrows for the loads: each shows the force on the vertices nearest to it.
     size : size of the structure (m).   lift : half its thickness (m), so that arrows touch the skin of the solid.
     eye  : (3,) unit vector towards the eye: arrows along the surface are on its visible side.
-    up   : (3,) unit vector: arrows on an open sheet are on its upper side, whatever the direction of its faces.
-    """
+    up   : (3,) unit vector: arrows on an open sheet are on its upper side, whatever the direction of its faces."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V, at_points, elsewhere = surface.V, acts & load.loaded, acts & ~load.loaded
     points = _gathered_forces(V, load.force, at_points, POINT_LOAD_SPACING, LONGEST_POINT * size, size)
@@ -251,16 +250,14 @@ def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Float
 
 
 CROSS_SPACING = Spacing(0.034, 500)  # limits on the number of crosses, because many crosses take long to draw
-BAR_LENGTH, BAR_WIDTH = 0.8, 0.09
-"""Length and width of a bar of a cross, over the distance between neighbouring crosses."""
+BAR_LENGTH, BAR_WIDTH = 0.8, 0.09  # length and width of a bar of a cross, over the distance between crosses
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
     """Return crosses of two bars along the two directions of diffusion at evenly spaced places, except in isotropic
     faces.
     Blue is compression and red is tension. Stress of combined cases has no sign: there, red is the first direction.
-    Raises DsfabError if no face has a direction: at r = 1, or without a stress.
-    """
+    Raises DsfabError if no face has a direction: at r = 1, or without a stress."""
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"

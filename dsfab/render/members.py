@@ -26,8 +26,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     curvature (1/m), and points `places` [x, y, z, ...]. Points are in metres from the middle of the structure's box.
     `reach` is half the member's width. `nearest` is the number of the nearest member at each vertex of the page's mesh.
     judged : whether to add `utilisation`, None for members without a check. Raises DsfabError if the strength is
-             missing, nothing carries the loads, or the pattern leaves no material.
-    """
+             missing, nothing carries the loads, or the pattern leaves no material."""
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
     places = [_places(member, graph.sheet.surface.centroids) for member in graph.members]
@@ -83,8 +82,7 @@ def members_picture(
     palette: Palette = PAPER,
 ) -> Bytes:
     """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes. Names of hidden members
-    are pale; a view from the opposite side shows these members. Raises DsfabError if this machine cannot draw.
-    """
+    are pale; a view from the opposite side shows these members. Raises DsfabError if this machine cannot draw."""
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
     names = {member.id: _colour(member.kind, member.family, palette) for member in graph.members}
@@ -97,8 +95,7 @@ def rated_members_picture(
 ) -> Bytes:
     """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
     band : (m,) number of each cell's band, 0 to `count` - 1 (see `band_colours`), or -1 without a band.
-    Raises DsfabError if this machine cannot draw.
-    """
+    Raises DsfabError if this machine cannot draw."""
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
     return _MembersDrawing(design, size, "iso", "paper", palette).picture(table[band], ink, "", ())

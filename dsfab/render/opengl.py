@@ -52,8 +52,7 @@ def assume_window(window: str | None = None) -> str:
 
 def require_rendering() -> None:
     """Raise DsfabError with the packages to install if this machine cannot draw; else choose VTK's kind of window.
-    The choice is VTK_DEFAULT_OPENGL_WINDOW, which is set if necessary. The result holds for this process.
-    """
+    The choice is VTK_DEFAULT_OPENGL_WINDOW, which is set if necessary. The result holds for this process."""
     chosen = _window_choice()
     while _PROBES:
         _PROBES.pop().join()

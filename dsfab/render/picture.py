@@ -21,8 +21,7 @@ from dsfab.surface import LoadCase, Surface
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
     """Write a picture as a whole file or not at all, and return its path. Raises ExportError if the file is not
     writable.
-    effort : compression effort, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time.
-    """
+    effort : compression effort, 1 to 9; effort 6 saves a twentieth of the bytes of effort 4 in twice the time."""
     from PIL import Image
 
     from dsfab.export.writing import atomic_file
@@ -45,8 +44,7 @@ def png_bytes(pixels: Bytes) -> bytes:
 class Look:
     """Style of a picture. size : (width, height) in pixels. up : (3,) of any length; None derives it from the
     structure.
-    letters : factor on the default size of letters.
-    """
+    letters : factor on the default size of letters."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -73,8 +71,7 @@ def picture(
     family  : (m,) index into `look.palette.families` for each face, -1 for the colour `look.palette.members`.
     caption : line below the picture.
     Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, or if this machine
-    cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
-    """
+    cannot draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time."""
     require_rendering()
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
@@ -93,8 +90,7 @@ class StructurePicture:
     side, up: view side, and (3,) unit vector up.
     annotations : marks beside the structure.    caption : line below the picture.
     look    : size and colours; its `up` is not used.    clear : transparent ground in place of paper.
-    colours : (3,) or (m, 3) of the faces; None for the colour of members.
-    """
+    colours : (3,) or (m, 3) of the faces; None for the colour of members."""
 
     V: Floats
     F: Ints

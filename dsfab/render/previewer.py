@@ -45,8 +45,7 @@ class Previewer:
 
     Pictures show the uncut pattern. The real structure differs: slicing moves edges a little (see `snap`), joins point
     contacts and may drop pieces without a support. The solid's thickness is not visible.
-    Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly.
-    """
+    Create, use and close a Previewer in one thread. Raises DsfabError if this machine cannot draw correctly."""
 
     def __init__(
         self,
@@ -147,8 +146,7 @@ class Previewer:
         """Draw a preset of the same surface from now on. Changed frequencies, phases and thresholds of plain stripes
         are fast, and so are reaches around supports: the shader gets a few numbers. Other keys of [pattern] change
         values at all vertices. New values of r and gamma need new modes. Raises DsfabError for a different [surface]
-        or an invalid preset; then the old preset stays.
-        """
+        or an invalid preset; then the old preset stays."""
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
                 "a changed [surface] or region has a new geometry and new loads: make a new Previewer for the preset"
@@ -189,15 +187,12 @@ class Previewer:
     ) -> Bytes:
         """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
         size : (width, height) in pixels. words : whether to draw caption and legend. Raises PatternError if the pattern
-        leaves no material.
-        """
+        leaves no material."""
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
         stage = replace(self._stage, view=self._view(size, words))
         image = drawing.render_stage(self._scene, stage, self._palette, size, quality, self._clear)
-        release_freed_memory(
-            16.0 * size[0] * size[1] * quality.finer**2
-        )  # intermediate pictures are not needed any more
+        release_freed_memory(16.0 * size[0] * size[1] * quality.finer**2)  # intermediate pictures end here
         alone = len(stage.bodies) == 1  # without marks, an empty picture means that no material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
@@ -288,8 +283,7 @@ def layer_names(marks: bool | Collection[str], view: str) -> set[str]:
 class Previewers:
     """Previewers for a sequence of presets; use as `with Previewers(view=..., ...) as previewers`.
     sketched : function that receives a sketch of each new design (see `Design.sketch`).
-    options  : options of every `Previewer`.
-    """
+    options  : options of every `Previewer`."""
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
         self._sketched, self._options = sketched, options
@@ -348,8 +342,7 @@ def panels(
     """Return one picture that consists of the pictures `names`, each of a size in pixels. options : options of
     `Previewer`.
     If loads have their own picture, the remaining pictures have no arrows, unless the options have `marks`.
-    A picture without a result in this design is omitted and reported. Raises DsfabError if no picture is left.
-    """
+    A picture without a result in this design is omitted and reported. Raises DsfabError if no picture is left."""
     pictures, refused = [], []
     alone = "marks" not in options and "loads" in names
     for name in names:

@@ -1,8 +1,7 @@
 """The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
 
 VTK's lighting is off, so that software rendering and graphics cards give the same picture. VTK's own modules are used,
-because the import of pyvista takes a quarter of a second, and its plotter another 75 MB.
-"""
+because the import of pyvista takes a quarter of a second, and its plotter another 75 MB."""
 
 import re
 from collections.abc import Iterator
@@ -22,14 +21,12 @@ from dsfab.surface import signed_volume
 if TYPE_CHECKING:
     from dsfab.render.shader import StripeShader
 
-NORMAL_STEPS = 1 << 10
-"""Number of steps from -1 to 1 to which normals are rounded for comparison; bytes of a picture have 256 steps."""
+NORMAL_STEPS = 1 << 10  # number of steps from -1 to 1 of rounded normals for comparison; a picture has 256 steps
 
 
 class Window:
     """Off-screen window: black, without lamps, and without multisampling, which would mix normals at edges.
-    Create, use and close a window in one thread.
-    """
+    Create, use and close a window in one thread."""
 
     def __init__(self) -> None:
         import vtkmodules.vtkRenderingOpenGL2  # noqa: F401  (VTK draws nothing without it)
@@ -204,8 +201,7 @@ class Body:
     """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
     casts   : whether the body throws shadows.    shader : shader that removes material outside a pattern.
     half    : half the thickness of the walls that the shader draws (m).
-    normals : (m, 3, 3) at corners of faces; None computes normals.
-    """
+    normals : (m, 3, 3) at corners of faces; None computes normals."""
 
     V: Floats
     F: Ints
@@ -234,8 +230,7 @@ def shading(V: Floats, F: Ints) -> Floats32:
 class Pixels:
     """Depth, normal and colour of the pixels (h, w) of a picture, row 0 on top; lengths in units of `Scene.radius`.
     depth : (h, w) along the view, infinite where the picture is empty.
-    normal : (h, w, 3) in 0..255 for -1..1.    colour : (h, w, 3) in 0..255.
-    """
+    normal : (h, w, 3) in 0..255 for -1..1.    colour : (h, w, 3) in 0..255."""
 
     depth: Floats32
     normal: Bytes
@@ -245,8 +240,7 @@ class Pixels:
 class Scene:
     """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
     The origin of the scene is `centre`. Its unit of length is `radius`, of a ball around all bodies with a shadow, so
-    that millimetres and kilometres look alike. Create, use and close a scene in one thread.
-    """
+    that millimetres and kilometres look alike. Create, use and close a scene in one thread."""
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
         self.centre, self.radius = centre, radius
@@ -347,8 +341,7 @@ class Scene:
     def lamp(self, frame: Floats, side: int) -> Floats32:
         """Return the depth (side, side) of the first body that a lamp sees in each pixel.
         The depth is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, and 1 where the picture is empty.
-        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
-        """
+        frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i)."""
         self.window.resize(side, side)
         camera = self.window.camera
         camera.SetParallelProjection(True)

@@ -1,8 +1,7 @@
 """Shader that draws an uncut surface as if it were cut: it removes pixels outside stripes and kept regions.
 
 Material is |z - k| < d for an integer k, as in slicing; z and d are linear on each face. So a new pattern changes only
-a few numbers on the graphics side.
-"""
+a few numbers on the graphics side."""
 
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -13,10 +12,8 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
-INFINITE_DISTANCE = 1e30
-"""Distance to a load or support that does not exist. The number is finite, because infinity times 0 is not a number."""
-NO_REACH = -INFINITE_DISTANCE
-"""Reach that keeps no material. With a reach of 0, values just below 0 at the outline would keep material."""
+INFINITE_DISTANCE = 1e30  # distance to a load or support that does not exist; finite, as infinity times 0 is no number
+NO_REACH = -INFINITE_DISTANCE  # reach that keeps no material; a reach of 0 would keep values just below 0 at outlines
 BY_VERTEX = -1.0  # half-width that tells the shader to read half-widths at the vertices
 
 _DECLARED, _VERTEX_CODE = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
@@ -24,8 +21,7 @@ _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
 """Names of the fields that may vary over the surface, two numbers at each vertex, as in `StripeShader.fields`."""
-TIE = 2e-6
-"""Margin (periods) for rounding errors, with which half-widths of 0 are exactly empty and of 1/2 exactly full."""
+TIE = 2e-6  # margin (periods) for rounding errors, so that half-widths of 0 are empty and of 1/2 exactly full
 
 # (wave(t) + 1) / 4 is the distance from t to the nearest half-integer; material is where it exceeds 1/2 - d. The vertex
 # shader computes the linear part, because in software rendering each uniform takes time at each pixel
@@ -90,8 +86,7 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 class StripeSettings:
     """Numbers of a pattern for the major and the minor family.
     half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
-    reach      : distance from loads and supports, and from the rim, within which material stays (m), or `NO_REACH`.
-    """
+    reach      : distance from loads and supports, and from the rim, within which material stays (m), or `NO_REACH`."""
 
     frequency: tuple[float, float] = (1.0, 1.0)
     phase: tuple[float, float] = (0.0, 0.0)
@@ -108,8 +103,7 @@ ALL_MATERIAL, NO_MATERIAL = StripeSettings(), StripeSettings(half_width=(0.0, 0.
 class ShaderProgram:
     """Optional parts of the shader's program; in software rendering, every number per triangle takes time.
     vary : the names of `FIELDS` that differ between vertices; the modes always do.
-    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
-    """
+    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints."""
 
     vary: tuple[str, ...] = ("modes",)
     walls: bool = False
@@ -151,8 +145,7 @@ class StripeShader:
     """Shader of a body; `fields` and `settings` may change between pictures.
     fields : (n, 6) modes and half-widths in periods (each major, minor), then two distances in metres: to loads and
              supports, and to the boundary.
-    tints  : colours of major, minor and remaining material in place of the colours of the faces.
-    """
+    tints  : colours of major, minor and remaining material in place of the colours of the faces."""
 
     fields: Floats
     tints: tuple[Colour, Colour, Colour] | None = None
@@ -205,8 +198,7 @@ class StripeShader:
 
     def show_walls(self, eye: Floats | None, half: float) -> None:
         """Show the walls of a sheet to an eye (3,); None hides them. half : half its thickness. Lengths: scene units.
-        Walls are approximate: each triangle has the walls of a plane slab, and the rim of the surface has no wall.
-        """
+        Walls are approximate: each triangle has the walls of a plane slab, and the rim of the surface has no wall."""
         walls = eye is not None and half > 0
         self._change_program(walls=walls)
         for uniforms in self._uniforms():

@@ -4,8 +4,7 @@ For each picture, standard input has the number n in 8 bytes, then n bytes of pi
 The pickle holds
     a sketch (see `Design.sketch`), the PNG file, its width and height, and options of `Previewer`; or
     a `StructurePicture`, and the PNG file.
-Standard output has the kind of window as soon as the program can draw, then a line after each picture.
-"""
+Standard output has the kind of window as soon as the program can draw, then a line after each picture."""
 
 import gc
 import os

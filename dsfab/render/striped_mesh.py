@@ -1,8 +1,7 @@
 """The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
 Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases only on a chart (see
-`dsfab.slicing.Chart`): these stripes are drawn on the chart, as if on two modes at frequency 1 and phase 0.
-"""
+`dsfab.slicing.Chart`): these stripes are drawn on the chart, as if on two modes at frequency 1 and phase 0."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,15 +24,13 @@ EXACT_REACH_SHARE = 1 / 8  # distances up to this share of the surface's size ar
 
 REGION_FACTOR = 1e33
 """Factor on distances from drawn regions. With this factor, every reach ends at their outlines, even `NO_REACH`."""
-REGION_REACH = -1e6
-"""Reach of drawn regions without kept material; the shader reads distances only if a reach exceeds `NO_REACH`."""
+REGION_REACH = -1e6  # reach of drawn regions without kept material; the shader reads distances only beyond `NO_REACH`
 
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
     """Mesh of the stripes: the uncut surface (n vertices, m faces), or the chart of evenly spaced stripes (n', m').
-    Places, loads and supports always use vertex numbers of the uncut surface.
-    """
+    Places, loads and supports always use vertex numbers of the uncut surface."""
 
     uncut: Surface
     even: EvenStripes | None

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
 from dsfab.render.light import frame_towards
 from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
 
@@ -27,8 +25,7 @@ CORNERS, MOST_PARTS = 20, 40  # number of corners of a round column, and largest
 ABUTMENT_DEPTH, HANGER_LENGTH = 0.04, 0.14  # over the structure's size
 HANGERS, COLUMNS = 0.05, 0.12  # distance between rods, and between columns below an edge, over the structure's size
 TALL = 4.5  # height (m) from which a long edge rests on a beam and columns, because a wall would hide the inside
-WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004
-"""Least width of columns and walls, of those as low as a footing, and of hangers, over the structure's size."""
+WIDTH, FOOTING_WIDTH, ROD = 0.01, 0.02, 0.004  # widths over the structure's size: columns and walls, low ones, hangers
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +33,7 @@ class SupportPart:
     """Connected support: its vertices (k,), its boundary edges (e, 2), or all edges if it has no boundary edge, as
     vertex indices, and the part that it becomes.
     along    : (3,) unit vector from the structure into the part.
-    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure.
-    """
+    outwards : (k, 3) horizontal unit vectors away from the structure; 0 for a part that ends below the structure."""
 
     kind: PartKind
     vertices: Ints
@@ -49,17 +45,16 @@ class SupportPart:
 def building_supports(surface: Surface, load: LoadCase, up: Floats) -> list[SupportPart]:
     """Return the connected supports as parts of a building. up : (3,) unit vector. Their kinds follow from geometry:
     inner supports from which the structure falls away are hangers, and supports on one side of it are abutments.
-    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts.
-    """
+    Other supports reach the ground: small ones are columns, and long edges are walls. A slab on soil has no parts."""
     supported = _upward_supports(load, up)
     if not supported.any() or surface.areas @ supported[surface.F].all(axis=1) > SOIL_SHARE * surface.area:
         return []
-    label, inner = _components(surface, supported), _from_free_neighbours(surface, supported)
+    inside = supported[surface.edges.ends].all(axis=1)
+    lines, on_rim = surface.edges.ends[inside], surface.edges.boundary[inside]
+    (_, label), inner = link_components(surface.n, *lines.T), _from_free_neighbours(surface, supported)
     groups = [np.flatnonzero(supported & (label == number)) for number in np.unique(label[supported])]
     side = _open_side(surface, load, groups, up)
     outer = np.isin(np.arange(surface.n), surface.loops[0] if surface.loops else [])
-    inside = supported[surface.edges.ends].all(axis=1)
-    lines, on_rim = surface.edges.ends[inside], surface.edges.boundary[inside]
     kind: PartKind
     supports = list[SupportPart]()
     for group in groups:
@@ -91,12 +86,6 @@ def _upward_supports(load: LoadCase, up: Floats) -> Bools:
     return np.asarray(upwards if upwards.any() else load.supported)
 
 
-def _components(surface: Surface, supported: Bools) -> Ints:
-    a, b = surface.edges.ends[supported[surface.edges.ends].all(axis=1)].T
-    graph = coo_array((np.ones(len(a)), (a, b)), shape=(surface.n, surface.n))
-    return np.asarray(connected_components(graph, directed=False)[1])
-
-
 def _from_free_neighbours(surface: Surface, supported: Bools) -> Floats:
     """Return the mean unit vector (n, 3) to each supported vertex from its free neighbours; 0 without any."""
     ends = surface.edges.ends[supported[surface.edges.ends].sum(axis=1) == 1]
@@ -112,8 +101,7 @@ def _extent(points: Floats, axis: Floats) -> float:
 
 def ground_level(surface: Surface, supports: Sequence[SupportPart], up: Floats, half: float) -> float:
     """Return the height of the ground (m): 0 below a structure that is drawn with headroom, else that of its lowest
-    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m).
-    """
+    point, less a plinth. A structure on hangers alone has headroom. half : half the thickness of the structure (m)."""
     lowest, size = float((surface.V @ up).min()) - half, surface.size
     if HEADROOM < lowest < size:
         return 0.0
@@ -157,8 +145,7 @@ def _prisms(
     V: Floats, groups: Iterable[Ints], axis: Floats, begin: Floats, end: Floats | float, width: float
 ) -> MarkMesh:
     """Return a prism with round corners around each group of vertices of V (n, 3), from the height `begin` (n,) of each
-    vertex along an axis (3,) to its height `end`.
-    """
+    vertex along an axis (3,) to its height `end`."""
     frame, ends = frame_towards(axis), np.stack([begin, np.broadcast_to(end, len(V))])
     turn = np.linspace(0, 2 * np.pi, CORNERS, endpoint=False)
     circle, meshes = width / 2 * np.stack([np.cos(turn), np.sin(turn)], axis=1), list[MarkMesh]()

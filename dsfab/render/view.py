@@ -36,8 +36,7 @@ class View:
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
     """Return the unit vector (3,) that points up for vertices V (n, 3): z, unless the loads point along -y.
     Up is y if the whole load presses along -y and the supports are low in y, as in computer graphics. Up is also y
-    if the load lies in the plane of a plate and z is normal to the plate.
-    """
+    if the load lies in the plane of a plate and z is normal to the plate."""
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
         return z
@@ -95,8 +94,7 @@ NAMED_ANGLES = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
     """Return the view of vertices V (n, 3) with a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
     iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
-    Raises DsfabError for any other name.
-    """
+    Raises DsfabError for any other name."""
     if name == "iso":
         return best_side(V, up)
     azimuth, elevation = NAMED_ANGLES[name] if name in NAMED_ANGLES else _angles(name)
@@ -167,8 +165,7 @@ def fit_view(points: Floats, side: ViewSide, box: tuple[float, float, float, flo
 
 def plan_and_elevation(V: Floats, up: Floats) -> tuple[ViewSide, ViewSide]:
     """Return the sides of a plan and of an elevation of vertices V (n, 3), square to their smallest rectangle in plan.
-    The long side of the rectangle is in front; a rectangle along the axes wins unless another is clearly smaller.
-    """
+    The long side of the rectangle is in front; a rectangle along the axes wins unless another is clearly smaller."""
     across = np.eye(3)[{0: 1, 1: 0, 2: 0}[int(np.argmax(np.abs(up)))]]
     turns = np.radians(np.arange(90.0))
     rights = np.outer(np.cos(turns), across) + np.outer(np.sin(turns), np.cross(up, across))

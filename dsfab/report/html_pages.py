@@ -3,7 +3,7 @@
 import base64
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from html import escape
 
 from dsfab.core.limits import MARKS
@@ -189,7 +189,6 @@ class CaptionNumbers:
 
     figures: int = 0
     tables: int = 0
-    names: dict[str, int] = field(default_factory=dict)
 
     def figure(self, text: str) -> str:
         """Return a caption such as '<b>Figure 3.</b> ...'."""

@@ -23,9 +23,11 @@ from dsfab.report.html_pages import (
     ReportFigure,
     ReportSection,
     Table,
+    document_html,
     escaped_text,
 )
 
+FILES = ("report.html", "report.pdf")
 MM = 72 / 25.4  # Points per millimetre.
 
 COLOURS: Mapping[str, PageColour] = {
@@ -149,6 +151,16 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
 
 TEXT_WIDTH = 174.0  # Width of the text on A4, millimetres.
 FRAME_PADDING = 6.0  # Padding of reportlab's frames, points.
+
+
+def write_document(document: Document, folder: Path) -> tuple[list[str], list[str]]:
+    """Write a document as report.html and report.pdf; return their names, and a sentence if the PDF failed."""
+    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
+    try:
+        (folder / FILES[1]).write_bytes(document_pdf(document))
+    except ExportError as error:
+        return [FILES[0]], [str(error)]
+    return list(FILES), []
 
 
 def require_pdf() -> None:

@@ -100,8 +100,7 @@ def end_face_nodes(solid: Wedges, surface: Surface, marked: Bools) -> Ints:
     return np.unique(np.concatenate([solid.columns[edges.ends[is_marked]].ravel(), solid.middles[is_marked].ravel()]))
 
 
-THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)
-"""Shares of a vertex force on its nodes below, above and in the middle of the thickness."""
+THICKNESS_SHARES = (1 / 6, 1 / 6, 2 / 3)  # shares of a vertex force on nodes below, above and in the middle of a sheet
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import PatternError, StaticsError
 from dsfab.core.limits import FILM, Status
-from dsfab.core.messages import length
+from dsfab.core.messages import length, point_words
 from dsfab.design import acting_on, least_widths, revise, sheet_loads
 from dsfab.design.design import Design
 from dsfab.design.log import Progress
@@ -101,12 +101,10 @@ def refusals(design: Design, measured: FabricationMeasures | None = None) -> tup
     repairs = design.solid.repairs
     if repairs.thinnest < FILM and repairs.thinnest_at is not None:
         thin = length(repairs.thinnest * design.preset.statics.thickness)
-        place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
-        why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
+        why.append(f"the sheet was thinned to a film of {thin} at {point_words(repairs.thinnest_at)}")
     for check in measured.failed_checks if measured and design.resolved_preset.pattern.for_workshop else ():
         if check.name in ("min_member", "min_gap") and check.value[0] < 1e-3:
-            place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
-            why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")
+            why.append(f"{check.what} of {length(check.value[0])} at {point_words(check.place)} cannot be made")
     return tuple(why)
 
 

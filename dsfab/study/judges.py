@@ -42,8 +42,7 @@ class CaseResponse:
     buckling_bound, frequency_bound : half width of their intervals over the value; None for one mesh.
     refusals    : reasons for missing values.
     assumed     : assumptions about the supports for buckling and frequency, see `dsfab.statics.mode_supports`; or ''.
-    local       : clause about a lowest buckling mode that is local, see `dsfab.statics.lowest_buckling`; or ''.
-    """
+    local       : clause about a lowest buckling mode that is local, see `dsfab.statics.lowest_buckling`; or ''."""
 
     compliance: float
     displacement: Extreme

@@ -1,4 +1,4 @@
-"""Values of `--vary`: parsing, all combinations, and the expected time to draw them."""
+"""Values of `--vary`: parsing, all combinations, their best order, and the expected time to draw them."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -10,14 +10,13 @@ from dsfab.core.errors import DsfabError
 from dsfab.preset.file import parse_override
 from dsfab.preset.model import STAGES
 
-Values = dict[str, list[Any]]  # dotted keys and their values
+Values = Mapping[str, Sequence[Any]]  # dotted keys and their values
 
 
 def parse_variations(texts: Sequence[str]) -> Values:
     """Return the keys with their values from texts `KEY=LOW:HIGH:COUNT` (equal steps, both ends included) or
-    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys.
-    """
-    variations: Values = {}
+    `KEY=ONE,TWO,...`. Raises DsfabError for any other text, and for empty ranges and repeated values or keys."""
+    variations = dict[str, list[Any]]()
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
         if not (key and equals and values):
@@ -77,12 +76,26 @@ def stage_of(key: str) -> int:
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
-def best_order(values: Values) -> list[int]:
-    """Return indices of the combinations, with the fewest solves: keys of early stages change least often."""
-    keys = sorted(values, key=stage_of)
-    places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
-    ranks = [[place[str(x[key])] for key, place in zip(keys, places, strict=True)] for x in combinations(values)]
-    return sorted(range(len(ranks)), key=ranks.__getitem__)
+def signature(changes: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the changed values of each stage as a text. Two runs share all stages before the first different text."""
+    by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
+    for key, value in changes.items():
+        section = key.split(".")[0]
+        if section in by_stage:
+            by_stage[section][key] = value
+    return tuple(json.dumps(values, sort_keys=True, default=str) for values in by_stage.values())
+
+
+def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
+    """Return indices of the runs in an order in which successive runs share many stages: keys of early stages change
+    least often. Values of a stage keep the order in which they first appear."""
+    signatures = [signature(changes) for changes in runs]
+    places: list[dict[str, int]] = [{} for _ in STAGES]
+    for texts in signatures:
+        for place, text in zip(places, texts, strict=True):
+            place.setdefault(text, len(place))
+    ranks = [[place[text] for place, text in zip(places, texts, strict=True)] for texts in signatures]
+    return sorted(range(len(runs)), key=ranks.__getitem__)
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:

@@ -8,7 +8,7 @@ import pytest
 
 from dsfab.app import compare
 from dsfab.app.cli import main
-from dsfab.report.comparison_files import summary_document
+from dsfab.report.compliance import summary_document
 from dsfab.report.html_pages import document_html
 
 COARSE = ["--level", "quick", "--against", "thinner", "--set", "surface.edge=0.1", "--no-report"]

@@ -20,12 +20,12 @@ from dsfab.preset.file import load_preset, parse_override, preset_toml
 from dsfab.render.lettering import PAPER
 from dsfab.report.contact_sheet import ContactTile, _label, column_count, contact_page, contact_sheet
 from dsfab.study.variations import (
-    best_order,
     combinations,
     expected_seconds,
     parse_variations,
     short_names,
     spelled_value,
+    stage_order,
 )
 from tests.presets import DOME_MODES
 
@@ -272,7 +272,7 @@ def test_ranges_and_lists_expand_to_their_values() -> None:
 def test_the_order_of_drawing_changes_early_stages_least() -> None:
     values = parse_variations(["pattern.major.phase=0,0.5", "diffusion.r=1,10", "statics.thickness=1,2"])
     listed = list(combinations(values))
-    order = best_order(values)
+    order = stage_order(listed)
     assert sorted(order) == list(range(8))
     ordered = [
         (listed[i]["statics.thickness"], listed[i]["diffusion.r"], listed[i]["pattern.major.phase"]) for i in order

@@ -3,7 +3,7 @@
 import pytest
 
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.step.worker.shapes import step_facts
 
 
 @pytest.fixture

@@ -7,7 +7,7 @@ import pytest
 
 from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, Details, write
-from dsfab.export.bim import ifc
+from dsfab.export.cad import ifc
 from tests.export.ifc_files import amounts, faults, ifcopenshell
 from tests.export.solid_pieces import three
 from tests.export.solids import solid_box, solid_torus

@@ -21,7 +21,7 @@ from dsfab.export.cad.step.by_members.build import MemberFile, NotByMembersError
 from dsfab.export.cad.step.by_members.draft import ManyFacesError, MemberDraft, _require_few
 from dsfab.export.cad.step.file_size import BudgetError
 from dsfab.export.cad.step.flat_sheets import NotFlatError
-from dsfab.export.cad.step.smooth import acceptance, build
+from dsfab.export.cad.step.smooth import build
 from dsfab.export.cad.step.worker.reports import OcctFinding
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault
@@ -33,7 +33,7 @@ from tests.smooth import THICKNESS, holed, thickened
 @pytest.fixture
 def slow_vault(monkeypatch):
     """A vault with a hole, whose walls take too long to be made unasked: its solid, and what is known of its sheet."""
-    monkeypatch.setattr(acceptance, "MOST_WALLS", 3)
+    monkeypatch.setattr(build, "MOST_WALLS", 3)
     surface = barrel_vault(2.0, 1.6, 0.5, 0.15)
     sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
     return thickened(surface, sheet), partial(curved_sheet, surface, sheet, THICKNESS)
@@ -124,7 +124,7 @@ def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_lo
 def test_quick_refuses_ways_that_take_long(tmp_path, slow_vault, inspected_pieces, unread, monkeypatch):
     """The same solid: what `auto` makes in the end, `quick` leaves, and says what each way would cost."""
     monkeypatch.setattr(build, "findings", lambda *_: pytest.fail("OCCT was asked"))
-    monkeypatch.setattr(acceptance, "MOST_WALLS", 1)
+    monkeypatch.setattr(build, "MOST_WALLS", 1)
     solid, curved = slow_vault
     with pytest.raises(ExportError, match=r"more than step_faces = 60"):
         write(solid, tmp_path / "a.step", step=StepOptions("quick", curved=curved, faces=60))
@@ -235,7 +235,7 @@ def test_facets_replace_a_smooth_solid_that_occt_cannot_cut(slow_vault, inspecte
     solid, curved = slow_vault
     part = strategies.prepare(replace(part_of(solid, "a", STEP_FACES), step="auto", curved=curved))
     smooth = next(one for one in strategies.attempts(part) if one.step == "smooth")
-    monkeypatch.setattr(acceptance, "MOST_WALLS", 100)
+    monkeypatch.setattr(build, "MOST_WALLS", 100)
     with pytest.raises(ExportError, match="smooth a half of it is not valid once OCCT has cut it"):
         step.encode(smooth)
     monkeypatch.setattr(step, "LIGHT", 0.01)
@@ -252,7 +252,7 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
 ):
     """A triangle is missing where OCCT draws it."""
     whole, faceted = soundness.read_step, {"solids": 1, "valid": True, "tessellates": True}
-    monkeypatch.setattr(acceptance, "MOST_WALLS", 100)
+    monkeypatch.setattr(build, "MOST_WALLS", 100)
     monkeypatch.setattr(step, "LIGHT", 0.0)
     monkeypatch.setattr(
         soundness, "read_step", lambda *how: replace(mesh := whole(*how), F=mesh.F[1:], face=mesh.face[1:])
@@ -268,7 +268,7 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
 
 def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault, monkeypatch):
     part = replace(part_of(slow_vault[0], "a"), step="members")
-    limits, path = acceptance.SmoothPlan(replace(part, curved=slow_vault[1])).limits, tmp_path / "a.step"
+    limits, path = build.SmoothPlan(replace(part, curved=slow_vault[1])).limits, tmp_path / "a.step"
     path.write_text("text")
     file = MemberFile("text", 1, 6, 0, 0.0, 0.0, 0.0, 1.1 * part.volume, "", limits)
     monkeypatch.setattr(step, "member_file", lambda _: file)
@@ -281,7 +281,7 @@ def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault
 def test_a_trial_cut_is_judged_by_halves_and_box_and_skipped_for_large_files(slow_vault, cut, monkeypatch):
     solid, curved = slow_vault
     part = strategies.prepare(part_of(solid, "a", STEP_FACES))
-    limits = acceptance.SmoothPlan(replace(part, curved=curved)).limits
+    limits = build.SmoothPlan(replace(part, curved=curved)).limits
     box = part.box.ravel().tolist()
     for answer, fault in (
         ({"halves": True, "off": 1e-6, "box": box}, ""),
@@ -303,7 +303,7 @@ def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
     two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
     found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
     with pytest.raises(ExportError, match="by members OCCT's box of it is 300 mm off"):
-        network_build._require_solid(part, acceptance.SmoothPlan(part), draft, found, None)
+        network_build._require_solid(part, build.SmoothPlan(part), draft, found, None)
 
 
 def test_compact_is_smooth_and_names_the_way_that_cad_can_cut(tmp_path, slow_vault, inspected_pieces):

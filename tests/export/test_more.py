@@ -18,8 +18,9 @@ from dsfab.core.errors import DsfabError, ExportError
 from dsfab.design.output.fields import design_fields, design_lines
 from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, Details, write
-from dsfab.export.cad.rhino import COLOURS, without_times
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.rhino import without_times
+from dsfab.export.cad.step.worker.shapes import step_facts
+from dsfab.export.readback import COLOURS
 from dsfab.surface.fields import StructureLine
 from tests.export.solids import solid_box
 from tests.export.striped_solids import ARCHED, FLAT
@@ -46,7 +47,7 @@ def test_rhino3dm_finds_the_mesh_and_the_curves_on_named_layers(tmp_path):
     assert model.Settings.ModelUnitSystem == rhino3dm.UnitSystem.Millimeters
     layers = {layer.Index: layer for layer in model.Layers}
     assert {layer.Name for layer in layers.values()} == {"sheet", *(line.layer for line in details.lines)}
-    assert next(x.Color for x in layers.values() if x.Name == "centre-major") == COLOURS["major"]
+    assert next(x.Color for x in layers.values() if x.Name == "centre-major") == (*COLOURS["major"], 255)
     mesh, *curves = list(model.Objects)
     assert (mesh.Attributes.Name, layers[mesh.Attributes.LayerIndex].Name) == ("arch", "sheet")
     assert mesh.Geometry.IsClosed

@@ -7,7 +7,7 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import step_estimates, write
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.step.worker.shapes import step_facts
 from tests.export.solid_pieces import three
 from tests.export.solids import solid_box, solid_torus
 

@@ -18,7 +18,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.flat_sheets import outlines_of, plate
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.step.worker.shapes import step_facts
 from dsfab.export.curves import (
     SPANS,
     Curve,

@@ -13,8 +13,7 @@ from dsfab.export.cad.step import soundness
 from dsfab.export.cad.step.shared import sheet_outline
 from dsfab.export.cad.step.shared.sheet_outline import WALL, OutlineRun
 from dsfab.export.cad.step.shared.skins import dense_surface, excess_volumes, prisms
-from dsfab.export.cad.step.smooth import acceptance, build, edges
-from dsfab.export.cad.step.smooth import acceptance as plan
+from dsfab.export.cad.step.smooth import build, edges
 from dsfab.export.cad.step.smooth.chart_fields import chart_fields
 from dsfab.export.cad.step.smooth.charts import SplinePatch, patch_through
 from dsfab.export.cad.step.smooth.edges import OutlineNodes
@@ -134,7 +133,7 @@ def test_a_valid_solid_whose_edge_is_displaced_is_refused_for_its_distance(tmp_p
     monkeypatch.setattr(edges, "_parts", displaced)
     monkeypatch.setattr(build, "rebuild_until_sound", lambda *_: None)  # it would see that before OCCT is asked
     monkeypatch.setattr(build, "REFITS", 0)
-    monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
+    monkeypatch.setattr(build, "LAYOUTS", build.LAYOUTS[:1])
     with pytest.raises(ExportError, match=r"it is 1\d mm off the mesh, more than [2-5]"):
         written(surface, sheet, tmp_path / "a.step")
     assert [one["valid"] and one["closed"] and one["gap"] < 1000 * THICKNESS / 20 for one in inspected_pieces] == [True]
@@ -223,13 +222,13 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, inspected_piec
     surface = barrel_vault(2.0, 1.6, 0.5, 0.12)
     x = surface.V[:, 0]
     sheet = cut(surface, [np.abs(x) - 0.2], [np.array([0.0])]).subset()
-    honest = acceptance._verdict
+    honest = build._verdict
 
     def harsh(gate, k, piece, found, away):
         middle = np.mean([edge.upper.poles[:, 0].mean() for edge in piece.edges])
-        return acceptance.Acceptance("it is disliked") if middle > 0 else honest(gate, k, piece, found, away)
+        return build.Acceptance("it is disliked") if middle > 0 else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance, "_verdict", harsh)
+    monkeypatch.setattr(build, "_verdict", harsh)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", "smooth")
     assert said == [said[0]]
     assert "1 of 2 pieces" in said[0]
@@ -246,15 +245,15 @@ def test_a_refused_piece_is_faceted_beside_a_smooth_one(tmp_path, inspected_piec
 def test_in_a_hurry_other_layouts_are_tried_too_but_not_all(tmp_path, monkeypatch, refused):
     """A seam passed .1 mm beside an opening: four of ten surfaces got no STEP for such places in the first layout."""
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
-    honest, layouts = acceptance._verdict, []
+    honest, layouts = build._verdict, []
 
     def harsh(gate, k, piece, found, away):
         layouts.extend([gate] * (gate not in layouts))
         some = layouts.index(gate) < refused
-        return acceptance.Acceptance("it is disliked") if some else honest(gate, k, piece, found, away)
+        return build.Acceptance("it is disliked") if some else honest(gate, k, piece, found, away)
 
-    monkeypatch.setattr(acceptance, "_verdict", harsh)
-    monkeypatch.setattr(plan, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
+    monkeypatch.setattr(build, "_verdict", harsh)
+    monkeypatch.setattr(build, "LAYOUTS", ((68.0, 1, 0), (20.0, 3, 1), (20.0, 5, 2), (20.0, 7, 3)))
     _, _, said = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step", "quick")
     assert len(layouts) == min(refused + 1, 3)
     assert said[0].startswith("STEP is smooth" if refused == 1 else "STEP is faceted")
@@ -274,7 +273,7 @@ def test_a_folded_sheet_is_refused_and_says_why(tmp_path, inspected_pieces):
 def test_auto_leaves_many_walls_faceted_and_says_why(tmp_path, monkeypatch):
     surface = dome(2.0, 0.6, edge=0.3)
     sheet = holed(surface, [[0, 0, 0.6]], 0.3)
-    monkeypatch.setattr(plan, "MOST_WALLS", 3)
+    monkeypatch.setattr(build, "MOST_WALLS", 3)
     _, shape, said = written(surface, sheet, tmp_path / "a.step", "auto")
     assert said[0].startswith("STEP is faceted")
     assert "would have 4 walls, more than the 3" in said[0]

@@ -11,9 +11,9 @@ from dsfab.design.output.files import _where_largest, curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.export.cad.step.shared.sheet_outline import WALL, sheet_of
 from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth import acceptance, charts
+from dsfab.export.cad.step.smooth import build, charts
 from dsfab.export.cad.step.smooth import charts as points
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.build import SmoothPlan
 from dsfab.export.cad.step.smooth.charts import ChartAtlas, fitted_surface
 from dsfab.export.cad.step.smooth.edges import run_key
 from dsfab.export.part import DividedSheet, part_of
@@ -156,7 +156,7 @@ def test_wall_runs_end_at_the_vertices_of_seams():
 @pytest.mark.slow
 def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, inspected_pieces, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
-    monkeypatch.setattr(acceptance, "LAYOUTS", acceptance.LAYOUTS[:1])
+    monkeypatch.setattr(build, "LAYOUTS", build.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)

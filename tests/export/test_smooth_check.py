@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.export.cad.step.worker import forks, pieces, program, reports, triangles, volume
+from dsfab.export.cad.step.worker import pieces, program, reports, triangles, volume
 from dsfab.export.cad.step.worker.reports import mesh_in
 from dsfab.export.cad.step.worker.shapes import gauss_kronrod_volume
 from dsfab.export.subprocesses import last_line
@@ -38,10 +38,10 @@ print(asked() == 0.1 + 0.2)
 """
 
 
-@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not pieces.CAN_FORK, reason="processes are copied on Linux only")
 def test_a_copy_of_the_program_answers_or_is_stopped(tmp_path):
     (tmp_path / "a.py").write_text(COPIED)
-    assert last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60) == "True"
+    assert last_line(str(tmp_path / "a.py"), pieces.__file__, seconds=60) == "True"
 
 
 LEFT = """
@@ -52,11 +52,11 @@ os._exit(0)
 """
 
 
-@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not pieces.CAN_FORK, reason="processes are copied on Linux only")
 def test_a_forked_worker_ends_with_its_parent(tmp_path):
     """As when the time is over, or somebody presses Ctrl-C."""
     (tmp_path / "a.py").write_text(LEFT)
-    state = Path("/proc", last_line(str(tmp_path / "a.py"), forks.__file__, seconds=60), "stat")
+    state = Path("/proc", last_line(str(tmp_path / "a.py"), pieces.__file__, seconds=60), "stat")
     waited = 0.0
     while state.exists() and state.read_text().rpartition(")")[2].split()[0] != "Z":
         assert (waited := waited + 0.1) < 60
@@ -111,7 +111,7 @@ def vault(tmp_path_factory):
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(not forks.CAN_FORK, reason="processes are copied on Linux only")
+@pytest.mark.skipif(not pieces.CAN_FORK, reason="processes are copied on Linux only")
 def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     strips = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).subset()

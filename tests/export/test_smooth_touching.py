@@ -9,8 +9,7 @@ import pytest
 import dsfab
 from dsfab.design.output.files import curved_design
 from dsfab.export.cad.step.shared.skins import SmoothLimits
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
-from dsfab.export.cad.step.smooth.build import astray, rebuild_until_sound
+from dsfab.export.cad.step.smooth.build import SmoothPlan, astray, rebuild_until_sound
 from dsfab.export.cad.step.smooth.edges import SmoothEdge
 from dsfab.export.cad.step.smooth.solid import SmoothPiece, SmoothSkin, crossings
 from dsfab.export.cad.step.strategies import prepare

@@ -6,7 +6,7 @@ import pytest
 from dsfab.core.errors import ExportError
 from dsfab.export import Details, write
 from dsfab.export.cad.step import file
-from dsfab.export.cad.step.worker.facts import step_facts
+from dsfab.export.cad.step.worker.shapes import step_facts
 from dsfab.export.curves import curves_along
 from dsfab.export.formats import suffix_of
 from dsfab.surface.fields import StructureLine, polyline_length

@@ -14,7 +14,7 @@ from dsfab.design.output.files import curved_sheet
 from dsfab.export.cad.step import file, strategies
 from dsfab.export.cad.step.by_members.draft import member_draft
 from dsfab.export.cad.step.folded_sheets import planar_file
-from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.build import SmoothPlan
 from dsfab.export.cad.step.smooth.solid import file_text
 from dsfab.export.part import part_of
 from dsfab.surface.shapes.roofs import barrel_vault

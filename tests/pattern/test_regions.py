@@ -309,7 +309,7 @@ def test_a_load_that_a_void_takes_away_says_so():
 
 
 def test_reports_list_only_supports_outside_of_voids():
-    from dsfab.report.design.statics import balance
+    from dsfab.report.design.facts import balance
 
     load = [{"kind": "self_weight"}]
     design = draft(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))

@@ -4,7 +4,6 @@ import json
 import re
 from dataclasses import replace
 from itertools import combinations
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -15,8 +14,8 @@ from dsfab.export.part import open_edges
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
-from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted_faces
-from dsfab.report.assembly.bar_pages import _bar_row, bar_steps
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, drawn_faces, painted_faces
+from dsfab.report.assembly.bar_pages import bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.overview import refolded_pages, strip_quads
 from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH, DrawingTransform, PaperBox, usual_scale
@@ -127,9 +126,8 @@ def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred,
 
 
 def test_a_twist_of_next_to_nothing_has_no_sign():
-    page = SimpleNamespace(words=[], text=lambda at, words, *_, **__: page.words.append(words))
-    _bar_row(page, (0.0, 0.0), ("A1.1", "N1", "N2", 700.0, 600.0, 60.0, -0.02, 3.0, 180.04, -2.0, -0.0449, 7.0, ""))
-    assert page.words == ["A1.1", "N1", "N2", "600.0", "0.0°", "3.0°", "180.0°", "-2.0°", "0.0°", "7.0"]
+    words = bar_row(("A1.1", "N1", "N2", 700.0, 600.0, 60.0, -0.02, 3.0, 180.04, -2.0, -0.0449, 7.0, ""))
+    assert words == ["A1.1", "N1", "N2", "600.0", "0.0°", "3.0°", "180.0°", "-2.0°", "0.0°", "7.0"]
 
 
 def test_bodies_of_bars_are_closed_and_as_large_as_their_drawings(barred):
@@ -387,7 +385,7 @@ def test_strips_have_the_width_of_their_parts_and_pieces_follow_each_other(plan)
 
 
 def test_the_page_tells_how_far_holes_are_off_and_models_have_none(plan):
-    faces = member_faces(plan.graph, PAPER, plan.layering)
+    faces = drawn_faces(plan, PAPER)
     ((title, draw),) = refolded_pages(plan, faces, UP)
     paper = Recorder()
     draw(paper)

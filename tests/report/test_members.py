@@ -42,7 +42,7 @@ def found(N=-10e3, material="S235", **more):
     ],
 )
 def test_the_banner_passes_only_if_the_code_passes_with_its_factors(given, status, title):
-    banner = members.summary_section(given, PICTURE, CaptionNumbers()).blocks[0]
+    banner = members.summary_section(given, PICTURE).blocks[0]
     assert (banner.status, banner.title) == (status, title)
     assert given.standard in banner.text
 

@@ -16,8 +16,8 @@ from dsfab.design import Design, loads_on, sheet_load
 from dsfab.design.sheet_loads import CoveringLoads, nearest_faces
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.tables import acting_table, loads_table
+from dsfab.report.design.facts import cut_load_facts
 from dsfab.report.design.inspection import load_facts, load_lines
-from dsfab.report.design.statics import cut_load_facts
 from dsfab.report.html_pages import CaptionNumbers
 from dsfab.slicing import cut
 from dsfab.slicing.cutting.sheet import SmoothSurface, meshes

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import eigsh
 
 import dsfab
 from dsfab.core.messages import value_with_bound
-from dsfab.report.design.statics import mode_facts, mode_lines
+from dsfab.report.design.facts import mode_facts, mode_lines
 from dsfab.slicing import cut
 from dsfab.statics import (
     Material,

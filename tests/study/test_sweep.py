@@ -69,7 +69,7 @@ def test_metrics_can_be_functions():
     ],
 )
 def test_invalid_options_are_refused_before_any_design(vary, metrics, says, monkeypatch):
-    monkeypatch.setattr("dsfab.study.sweeps.in_memory.draft", None)
+    monkeypatch.setattr("dsfab.study.sweeps.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
 

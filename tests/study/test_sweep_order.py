@@ -4,7 +4,8 @@ from itertools import pairwise
 
 import pytest
 
-from dsfab.study.sweeps.in_memory import Rows, signature, stage_order
+from dsfab.study.sweeps.scheduler import Rows
+from dsfab.study.variations import signature, stage_order
 
 
 def variant_grid(surfaces: int, gammas: int, phases: int) -> list[dict]:

@@ -11,7 +11,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.core.errors import ExportError
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, require_equal
 from dsfab.export.writing import one_line
 
 if TYPE_CHECKING:
@@ -50,8 +50,7 @@ def check(part: Part, path: Path) -> ReadBack:
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.beam_model
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)
-    if beams != len(frame.ends):
-        raise count_error(part, "beams", len(frame.ends), beams)
+    require_equal(part, "beams", len(frame.ends), beams)
     points = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame.points)]
     if not (np.abs(points - frame.points) <= NUMBERS_READ_BACK * np.abs(frame.points).max()).all():
         raise ExportError(f"the nodes of {part.name!r} have other coordinates when read back; write saf.xlsx instead")

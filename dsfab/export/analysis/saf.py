@@ -17,7 +17,7 @@ from dsfab.core.errors import ExportError
 from dsfab.core.materials import MATERIALS
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, require_equal
 
 if TYPE_CHECKING:
     from dsfab.members.frame import BeamMaterial, Frame
@@ -25,8 +25,7 @@ if TYPE_CHECKING:
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
-FINE, COARSE = 0.1, 1.0
-"""Steps of rounded widths (mm) below and above 100 mm. Without rounding, each beam would have its own section."""
+FINE, COARSE = 0.1, 1.0  # steps of rounded widths (mm) below and above 100 mm; without them each beam has a section
 SMALL = {0: 1e-6, 3: 1e-2}
 """Least share of the largest force (0) or moment (3) of a case; smaller ones are left out. Such forces are rounding
 errors; such moments come from loads beside their beam. The displacements of tower and snow_vault change by under
@@ -47,8 +46,7 @@ ACTIONS = {
     "variable": ("Variable", "Standard"),
 }
 """Action type and load type of each kind of case."""
-GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}
-"""Load types of groups of variable loads."""
+GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}  # load types of groups of variable loads
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
 STIFFNESS = (
     *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),
@@ -257,8 +255,7 @@ def _actions(frame: "Frame", first_column: int) -> Iterator[dict[str, Cell | Non
 
 
 SUFFIX = ".saf.xlsx"
-FIXED_DATE = datetime(1980, 1, 1)
-"""Date of every workbook, fixed so that equal designs give equal bytes."""
+FIXED_DATE = datetime(1980, 1, 1)  # date of every workbook, fixed so that equal designs give equal bytes
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
 
 
@@ -299,8 +296,7 @@ def check(part: Part, path: Path) -> ReadBack:
     for sheet in sheets:
         rows = cells.get(sheet.name, [])
         count = len(sheet.rows) + (1 if sheet.head else 0)
-        if len(rows) != count:
-            raise count_error(part, f"rows of {sheet.name}", count, len(rows))
+        require_equal(part, f"rows of {sheet.name}", count, len(rows))
         if sheet.head and tuple(rows[0]) != sheet.head:
             raise ExportError(f"the head of sheet {sheet.name} of {part.name!r} reads back different; write it again")
     points = _coordinates(cells["StructuralPointConnection"][1:])

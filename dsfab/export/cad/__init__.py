@@ -1,1 +1,1 @@
-"""CAD formats: 3DM for Rhino, and STEP and BREP."""
+"""CAD formats: 3DM for Rhino, STEP and BREP; and IFC for building models."""

@@ -7,9 +7,10 @@ import json
 import struct
 import uuid
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -30,23 +31,14 @@ from dsfab.export.curves import (
 )
 from dsfab.export.members import facts_of_members, graph_of, rounded_lists
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
+from dsfab.export.readback import COLOURS, ReadBack, check_mesh, check_shapes, layer_colour, require_equal
 from dsfab.export.writing import one_line
-from dsfab.surface import StructureLine
 
-COLOURS = {
-    "major": (31, 78, 156, 255),
-    "minor": (179, 38, 30, 255),
-    "keep": (46, 125, 50, 255),
-    "rim": (0, 121, 134, 255),
-}
-BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
-MESH = "sheet"
-"""Name of the layer of the mesh."""
+BLACK, GREY = (0, 0, 0), (150, 150, 150)
+MESH = "sheet"  # name of the layer of the mesh
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
 """Codes of chunks: properties of the file, and its history. The bit `_SHORT` means a value in place of a length."""
-_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
-"""1 January 1980, a Tuesday, as C's `struct tm`."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)  # 1 January 1980, a Tuesday, as C's `struct tm`
 
 
 def require_rhino3dm(what: str = ".3dm files need") -> None:
@@ -57,19 +49,18 @@ def require_rhino3dm(what: str = ".3dm files need") -> None:
 
 def encode(part: Part) -> Iterator[bytes]:
     """Yield the archive without times, from memory, because a direct write would also store the name of the file."""
-    import rhino3dm
-
-    model, ids = empty_model(), _ids(part)
+    model = empty_model()
+    ids = ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
     layers = {MESH: new_layer(model, ids, MESH, GREY)}
     for line in part.details.lines:
         if line.layer not in layers:
             layers[line.layer] = new_layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
-    about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
+    about = _about(one_line(part.name), layers[MESH], ids("mesh"))
     model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
     for number, (line, chain) in enumerate(zip(part.details.lines, chains(part), strict=True)):
-        about = _about(line, layers[line.layer], curve_tolerance(part))
-        about.Id = ids(f"line {number}")
+        facts = {"family": line.family, "number": str(line.number), "length_mm": f"{line.length:.3f}"}
+        facts["tolerance_mm"] = f"{curve_tolerance(part):.2g}"
+        about = _about(line.id, layers[line.layer], ids(f"line {number}"), facts)
         model.Objects.AddCurve(rhino_curve(chain), about)
     yield archive(model)
 
@@ -98,10 +89,6 @@ def archive(model: Any) -> bytes:
 Ids = Callable[[str], uuid.UUID]
 
 
-def _ids(part: Part) -> Ids:
-    return ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
-
-
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
     """Return a function from names to UUIDs, which differ for other arrays, so that designs can share a Rhino model."""
     digest = hashlib.sha256()
@@ -110,12 +97,12 @@ def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
     return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {name} {digest.hexdigest()}"))
 
 
-def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]) -> int:
+def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int]) -> int:
     """Add a layer and return its index."""
     import rhino3dm
 
     layer = rhino3dm.Layer()
-    layer.Name, layer.Color, layer.Id = name, colour, ids(f"layer {name}")
+    layer.Name, layer.Color, layer.Id = name, (*colour, 255), ids(f"layer {name}")
     index: int = model.Layers.Add(layer)
     return index
 
@@ -199,13 +186,11 @@ def rhino_curve(chain: list[Curve]) -> Any:
     return polycurve
 
 
-def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
+def _about(name: str, layer: int, identity: uuid.UUID, facts: Mapping[str, str] = MappingProxyType({})) -> Any:
     import rhino3dm
 
     about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex = line.id, layer
-    facts = {"family": line.family, "number": str(line.number)}
-    facts |= {"length_mm": f"{line.length:.3f}", "tolerance_mm": f"{tolerance:.2g}"}
+    about.Name, about.LayerIndex, about.Id = name, layer, identity
     for key, value in facts.items():
         about.SetUserString(key, value)
     return about
@@ -217,8 +202,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
     items = _valid_items(part, path, ".dxf and .stl")
     meshes = [shape for _, shape in items if shape.ObjectType == rhino3dm.ObjectType.Mesh]
-    if len(meshes) != 1:
-        raise count_error(part, "meshes", 1, len(meshes))
+    require_equal(part, "meshes", 1, len(meshes))
     V, F = rhino_arrays(meshes[0])
     result = check_mesh(part, V, F[:, :3])
     check_curves(part, {name: _points(x) for name, x in items if x.ObjectType == rhino3dm.ObjectType.Curve})
@@ -255,8 +239,7 @@ def _points(curve: Any) -> list[Floats]:
     return [np.array([(p.X, p.Y, p.Z) for p in samples])]
 
 
-NODES = "nodes"
-"""Name of the layer of the nodes."""
+NODES = "nodes"  # name of the layer of the nodes
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
@@ -268,28 +251,18 @@ def encode_members(part: Part) -> Iterator[bytes]:
     bodies = list(dict.fromkeys(shape.layer for shape in shapes))
     with_axes = dict.fromkeys(shape.layer for shape in shapes if len(shape.axis))
     names = [(name, name) for name in bodies] + [(f"{name} axes", name) for name in with_axes] + [(NODES, "")]
-    layers = {name: new_layer(model, ids, name, (*layer_colour(family), 255)) for name, family in names}
+    layers = {name: new_layer(model, ids, name, layer_colour(family)) for name, family in names}
     for shape in shapes:
-        about = _members_about(shape.id, layers[shape.layer], ids(f"body {shape.id}"))
-        for key, value in facts[shape.id].words.items():
-            about.SetUserString(key, value)
+        about = _about(shape.id, layers[shape.layer], ids(f"body {shape.id}"), facts[shape.id].words)
         model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
         if len(shape.axis):
-            about = _members_about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
+            about = _about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
             model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, curve_tolerance(part))), about)
     for node in graph_of(part).nodes:
-        about = _members_about(node.id, layers[NODES], ids(f"node {node.id}"))
-        about.SetUserString("members", " ".join(node.members))
+        members = {"members": " ".join(node.members)}
+        about = _about(node.id, layers[NODES], ids(f"node {node.id}"), members)
         model.Objects.AddPoint(rhino3dm.Point3d(*rounded_lists(MM_PER_M * node.point)), about)
     yield archive(model)
-
-
-def _members_about(name: str, layer: int, identity: Any) -> Any:
-    import rhino3dm
-
-    about = rhino3dm.ObjectAttributes()
-    about.Name, about.LayerIndex, about.Id = name, layer, identity
-    return about
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
@@ -301,8 +274,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
     nodes = [node.id for node in graph_of(part).nodes]
     for what, kind, expected in (("axes", kinds.Curve, axes), ("nodes", kinds.Point, nodes)):
-        if names[kind] != expected:
-            raise count_error(part, what, len(expected), len(names[kind]))
+        require_equal(part, what, expected, names[kind])
     meshes = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
     return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in meshes.items()})
 
@@ -322,9 +294,16 @@ def polyline_json(points: Floats) -> str:
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
     """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; quads are split along the shorter
-    diagonal.
-    Raises ExportError if the text contains no mesh."""
-    mesh = _decode(text)
+    diagonal. Raises ExportError if the text contains no mesh."""
+    require_rhino3dm()
+    import rhino3dm
+
+    try:
+        mesh = rhino3dm.CommonObject.Decode(json.loads(text))
+    except Exception:  # rhino3dm does not document its exceptions
+        mesh = None
+    if mesh is None:
+        raise ExportError("the text is not Rhino's JSON of a geometry; send the result of CommonObject.Encode")
     if type(mesh).__name__ != "Mesh":
         raise ExportError(f"the geometry is a {type(mesh).__name__}, not a mesh; convert it to a mesh in Grasshopper")
     V, corners = rhino_arrays(mesh)
@@ -340,16 +319,3 @@ def _triangles(V: Floats, corners: Ints) -> Ints:
     lower = np.where((quad & ~straight)[:, None], corners[:, [0, 1, 3]], corners[:, :3])
     upper = np.where(straight[:, None], corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
     return np.concatenate([lower, upper[quad]])
-
-
-def _decode(text: str) -> Any:
-    require_rhino3dm()
-    import rhino3dm
-
-    try:
-        thing = rhino3dm.CommonObject.Decode(json.loads(text))
-    except Exception:  # rhino3dm does not document its exceptions
-        thing = None
-    if thing is None:
-        raise ExportError("the text is not Rhino's JSON of a geometry; send the result of CommonObject.Encode")
-    return thing

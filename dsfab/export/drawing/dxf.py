@@ -26,15 +26,14 @@ from dsfab.export.curves import (
 from dsfab.export.drawing.views import DrawingView, views
 from dsfab.export.members import graph_of, rounded_lists
 from dsfab.export.part import MemberShape, Part
-from dsfab.export.readback import ReadBack, count_error
+from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
 """Colour numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
-WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
-"""Widths of lines, in hundredths of a millimetre."""
+WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}  # widths of lines, in hundredths of a millimetre
 
 
 def encode(part: Part) -> Iterator[bytes]:
@@ -217,8 +216,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read the file back with ezdxf and its auditor: no error, millimetres, a group of lines for each member."""
     document = _sound_document(part, path, ".members.json")
     groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
-    if sorted(groups) != sorted(shape.id for shape in shapes):
-        raise count_error(part, "members", len(shapes), len(groups))
+    require_equal(part, "members", sorted(shape.id for shape in shapes), sorted(groups))
     total = total_expected = 0.0
     for shape in shapes:
         lines = defaultdict[bool, list[Floats]](list)

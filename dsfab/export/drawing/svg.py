@@ -15,11 +15,10 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, PlacedView, views_on_paper
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error
+from dsfab.export.readback import ReadBack, require_equal
 from dsfab.export.writing import one_line
 
-TITLE = (185.0, 34.0)
-"""Width and height of the title block, millimetres of paper."""
+TITLE = (185.0, 34.0)  # width and height of the title block, millimetres of paper
 STYLE = """
 text { font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; fill: #000;
   stroke: none }
@@ -141,8 +140,7 @@ def check(part: Part, path: Path) -> ReadBack:
     root = ElementTree.parse(path).getroot()
     lines = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(placed_view.view.runs) for placed_view in views_on_paper(part, TITLE)[1])
-    if len(lines) != expected:
-        raise count_error(part, "lines", expected, len(lines))
+    require_equal(part, "lines", expected, len(lines))
     if root.get("width") != f"{PAPER[0]:g}mm":
         raise ExportError(f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf")
     return ReadBack(len(lines), "lines")

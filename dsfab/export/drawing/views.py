@@ -123,14 +123,10 @@ def _stretches(points: Floats, seen: Bools) -> list[Floats]:
     return [points[a + 1 : b] for a, b in pairwise(hidden) if b - a > 2]
 
 
-PAPER = (420.0, 297.0)
-"""Width and height of A3 paper, millimetres."""
-PAPER_MARGIN = 10.0
-"""Distance from the edge of the paper to the frame, millimetres."""
-VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)
-"""Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
-STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales are one of these numbers times a power of ten."""
+PAPER = (420.0, 297.0)  # width and height of A3 paper, millimetres
+PAPER_MARGIN = 10.0  # distance from the edge of the paper to the frame, millimetres
+VIEW_MARGINS = (24.0, 10.0, 12.0, 24.0)  # paper (mm) around a view for dimensions and title: left, top, right, bottom
+STEPS = (1.0, 2.0, 2.5, 5.0)  # usual scales are one of these numbers times a power of ten
 
 
 @dataclass(frozen=True, eq=False)

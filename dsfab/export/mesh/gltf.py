@@ -1,37 +1,61 @@
 """GLB, the binary form of glTF 2.0, for viewers: one mesh, or one node for each member; in metres, y upwards."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dsfab import __version__
-from dsfab.core.arrays import Floats
+from dsfab.core.arrays import Floats, Ints
 from dsfab.core.units import MM_PER_M
 from dsfab.export.members import facts_of_members
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour, read_with_trimesh
 from dsfab.export.writing import one_line
 
-FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers of the glTF standard for kinds of arrays."""
+FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963  # numbers of the glTF standard for kinds of arrays
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Yield the header of 12 bytes, a chunk of JSON about the buffer, and the buffer with vertices and faces."""
-    points = y_upwards(part.V / MM_PER_M).astype("<f4")
-    yield from glb_chunks(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
+    """Yield the file with one mesh."""
+    name, matte = one_line(part.name), {"metallicFactor": 0.0, "roughnessFactor": 0.8}
+    materials = [{"doubleSided": not part.is_solid, "pbrMetallicRoughness": matte}]
+    yield from _chunks([{"mesh": 0, "name": name}], [_mesh(name, 0, 0)], materials, _arrays(part.V, part.F))
 
 
-def glb_chunks(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
-    """Yield the file of a scene and its buffer, whose length is a multiple of four."""
+def _arrays(V: Floats, F: Ints) -> list[np.ndarray[Any, Any]]:
+    points = (V / MM_PER_M)[:, [0, 2, 1]] * [1, 1, -1]  # y upwards
+    return [points.astype("<f4"), F.astype("<u4")]
+
+
+def _chunks(
+    nodes: Sequence[Any], meshes: Sequence[Any], materials: Sequence[Any], arrays: list[np.ndarray[Any, Any]]
+) -> Iterator[bytes]:
+    """Yield the header of 12 bytes, a chunk of JSON about the buffer, and the buffer with the arrays.
+    nodes : the last one is the root.    arrays : vertices and faces of each mesh in turn."""
+    size = [array.nbytes for array in arrays]
+    start = np.concatenate([[0], np.cumsum(size)]).tolist()
+    scene = {
+        "asset": {"version": "2.0", "generator": f"dsfab {__version__}", "extras": {"unit": "metre"}},
+        "scene": 0,
+        "scenes": [{"nodes": [len(nodes) - 1]}],
+        "nodes": nodes,
+        "meshes": meshes,
+        "materials": materials,
+        "accessors": [_accessor(k, array) for k, array in enumerate(arrays)],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start[k], "byteLength": size[k], "target": (VERTICES, INDICES)[k % 2]}
+            for k in range(len(arrays))
+        ],
+        "buffers": [{"byteLength": start[-1]}],
+    }
     text = json.dumps(scene, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
-    yield b"glTF" + np.array([2, 28 + len(text) + len(buffer)], dtype="<u4").tobytes()
+    yield b"glTF" + np.array([2, 28 + len(text) + start[-1]], dtype="<u4").tobytes()
     yield len(text).to_bytes(4, "little") + b"JSON" + text
-    yield len(buffer).to_bytes(4, "little") + b"BIN\0" + buffer
+    yield start[-1].to_bytes(4, "little") + b"BIN\0" + b"".join(array.tobytes() for array in arrays)
 
 
 def check(part: Part, path: Path) -> ReadBack:
@@ -45,43 +69,20 @@ def millimetres(V: Floats) -> Floats:
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 
-def y_upwards(V: Floats) -> Floats:
-    """Turn points (n, 3) about x from z upwards to y upwards."""
-    return V[:, [0, 2, 1]] * [1, 1, -1]
-
-
-def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[str, Any]:
-    count, size, name = 3 * len(part.F), points.nbytes, one_line(part.name)
-    low, high = (f(points, axis=0).astype(float).tolist() for f in (np.min, np.max))
-    return {
-        "asset": {"version": "2.0", "generator": f"dsfab {__version__}", "extras": {"unit": "metre"}},
-        "scene": 0,
-        "scenes": [{"nodes": [0]}],
-        "nodes": [{"mesh": 0, "name": name}],
-        "meshes": [
-            {"name": name, "primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0, "mode": 4}]}
-        ],
-        "materials": [
-            {"doubleSided": not part.is_solid, "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.8}}
-        ],
-        "accessors": [
-            {"bufferView": 0, "componentType": FLOAT, "count": len(points), "type": "VEC3", "min": low, "max": high},
-            {"bufferView": 1, "componentType": UINT, "count": count, "type": "SCALAR"},
-        ],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": 0, "byteLength": size, "target": VERTICES},
-            {"buffer": 0, "byteOffset": size, "byteLength": 4 * count, "target": INDICES},
-        ],
-        "buffers": [{"byteLength": size + 4 * count}],
-    }
-
-
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Yield the file: vertices and faces of all members in one buffer, and two views of the buffer for each member."""
-    arrays = list[np.ndarray[Any, Any]]()
-    for shape in part.details.shapes:
-        arrays += [y_upwards(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
-    yield from glb_chunks(_members_scene(part, arrays), b"".join(array.tobytes() for array in arrays))
+    """Yield the file with a mesh for each member, and a node for each layer."""
+    shapes, facts = part.details.shapes, facts_of_members(part)
+    layers = list(dict.fromkeys(shape.layer for shape in shapes))
+    count = len(shapes)
+    nodes: list[dict[str, Any]] = [
+        {"mesh": k, "name": shape.id, "extras": facts[shape.id].words} for k, shape in enumerate(shapes)
+    ]
+    for layer in layers:
+        nodes.append({"name": layer, "children": [k for k, shape in enumerate(shapes) if shape.layer == layer]})
+    nodes.append({"name": one_line(part.name), "children": list(range(count, count + len(layers)))})
+    meshes = [_mesh(shape.id, k, layers.index(shape.layer)) for k, shape in enumerate(shapes)]
+    arrays = [array for shape in shapes for array in _arrays(shape.V, shape.F)]
+    yield from _chunks(nodes, meshes, [_material(layer) for layer in layers], arrays)
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
@@ -95,34 +96,6 @@ def check_members(part: Part, path: Path) -> ReadBack:
             mesh = scene.geometry[name]
             meshes[shape.id] = millimetres(np.asarray(mesh.vertices, dtype=np.float64)), np.asarray(mesh.faces)
     return check_shapes(part, meshes)
-
-
-def _members_scene(part: Part, arrays: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
-    shapes, facts = part.details.shapes, facts_of_members(part)
-    layers = list(dict.fromkeys(shape.layer for shape in shapes))
-    count = len(shapes)
-    nodes: list[dict[str, Any]] = [
-        {"mesh": k, "name": shape.id, "extras": facts[shape.id].words} for k, shape in enumerate(shapes)
-    ]
-    for layer in layers:
-        nodes.append({"name": layer, "children": [k for k, shape in enumerate(shapes) if shape.layer == layer]})
-    nodes.append({"name": one_line(part.name), "children": list(range(count, count + len(layers)))})
-    size = [array.nbytes for array in arrays]
-    start = np.concatenate([[0], np.cumsum(size)]).tolist()
-    return {
-        "asset": {"version": "2.0", "generator": f"dsfab {__version__}", "extras": {"unit": "metre"}},
-        "scene": 0,
-        "scenes": [{"nodes": [len(nodes) - 1]}],
-        "nodes": nodes,
-        "meshes": [_mesh(shape.id, k, layers.index(shape.layer)) for k, shape in enumerate(shapes)],
-        "materials": [_material(layer) for layer in layers],
-        "accessors": [_accessor(k, array) for k, array in enumerate(arrays)],
-        "bufferViews": [
-            {"buffer": 0, "byteOffset": start[k], "byteLength": size[k], "target": (VERTICES, INDICES)[k % 2]}
-            for k in range(len(arrays))
-        ],
-        "buffers": [{"byteLength": start[-1]}],
-    }
 
 
 def _mesh(name: str, k: int, material: int) -> dict[str, Any]:

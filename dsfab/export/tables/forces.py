@@ -13,7 +13,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.analysis.saf import FIXED_DATE, workbook_cells
 from dsfab.export.part import Part
-from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, count_error
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, require_equal
 from dsfab.export.writing import rows
 from dsfab.statics import CONVENTION, SectionForces
 
@@ -26,8 +26,7 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
 Q_LESS = "q is one order less accurate than m, and up to a fifth too small on ribs 3 or 4 faces wide"
 SHEET_FORMAT = "%.8g"
-READ = 1e-6
-"""Largest error of numbers that are read back, as a share of the largest number of the column."""
+READ = 1e-6  # largest error of numbers that are read back, as a share of the largest number of the column
 
 
 def prepare_fields(part: Part) -> Part:
@@ -62,9 +61,7 @@ def check_sheet(part: Part, path: Path) -> ReadBack:
     numbers = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=head, quotechar='"', usecols=range(1, width), ndmin=2
     )
-    row_count = len(part.F) * len(cases)
-    if len(numbers) != row_count:
-        raise count_error(part, "rows", row_count, len(numbers))
+    require_equal(part, "rows", len(part.F) * len(cases), len(numbers))
     blocks = numbers.reshape(len(cases), len(part.F), width - 1)
     for block, (case, forces) in zip(blocks, cases.items(), strict=True):
         expected = np.stack([*faces.values(), *_scalars(_columns(forces)).values()], axis=1)
@@ -152,8 +149,7 @@ def check_members(part: Part, path: Path) -> ReadBack:
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
     expected = np.concatenate([rows for along in _forces(part).values() for rows in _tables(along).values()])
-    if len(numbers) != len(expected):
-        raise count_error(part, "rows", len(expected), len(numbers))
+    require_equal(part, "rows", len(expected), len(numbers))
     if not (np.abs(numbers - expected) <= READ * np.abs(expected).max(axis=0)).all():
         raise ExportError(f"the forces of members of {part.name!r} read back different; write forces.csv instead")
     return ReadBack(len(numbers), "rows")
@@ -192,8 +188,7 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 def check_workbook(part: Part, path: Path) -> ReadBack:
     """Read the numbers back with readers of the standard library, and compare them with the part."""
     cells, members = workbook_cells(path), _forces(part)
-    if len(cells) != len(members) + 2:
-        raise count_error(part, "sheets", len(members) + 2, len(cells))
+    require_equal(part, "sheets", len(members) + 2, len(cells))
     count = 0
     for name, along in zip(sheet_names(members), members.values(), strict=True):
         numbers = np.array([row[3:] for row in cells[name][1:]], dtype=np.float64)
@@ -295,8 +290,7 @@ def check_utilisation(part: Part, path: Path) -> ReadBack:
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]
     expected = np.array([_checked_numbers(utilisation, bay) for bay in utilisation.order.tolist()])
-    if len(rows) != len(expected):
-        raise count_error(part, "rows", len(expected), len(rows))
+    require_equal(part, "rows", len(expected), len(rows))
     read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
     if not (np.abs(read - expected) <= READ * np.maximum(np.abs(expected).max(axis=0), 1e-30)).all():
         raise ExportError(f"the table of {part.name!r} reads back different; write member_forces.csv instead")

@@ -13,7 +13,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.export.members import graph_of, member_entries, node_entry, rounded_mm
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_lines, count_error
+from dsfab.export.readback import ReadBack, check_lines, require_equal
 
 HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
 
@@ -88,9 +88,7 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
 
 def check_ids(part: Part, key: str, names: list[str]) -> None:
     """Raise ExportError unless the names are those of the part's members or nodes; key : "members" or "nodes"."""
-    expected = [item.id for item in getattr(graph_of(part), key)]
-    if names != expected:
-        raise count_error(part, key, len(expected), len(names))
+    require_equal(part, key, [item.id for item in getattr(graph_of(part), key)], names)
 
 
 def length_error(part: Part, length_read: float) -> ReadBack:

@@ -53,16 +53,26 @@ class MemberFaces:
         return np.asarray(self.quads[len(self.quads) // 2].mean(axis=0))
 
 
-def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
-    """Return the faces of all members except fills; each member has its colour and lies in its uppermost layer."""
+def drawn_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
+    """Return the faces of all bars and plates of a plan of bars, or else of all its members except fills.
+    A member lies in its uppermost layer. A plank has both sides and its upper edge, a plate one side."""
+    assert plan.graph is not None
+    if plan.bars:
+        return bar_faces(plan, palette)
+    graph, stock = plan.graph, plan.planks.stock if plan.planks else None
+    layering, built = plan.layering or Layering(0.0, 2, 0.0), {part.member for part in plan.parts}
     piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
     faces = []
     for member in graph.members:
-        if member.kind != "fill":
-            red, green, blue = (x / 255 for x in _member_colour(member, palette))
-            height = layering.layer_height(layer_numbers(layering, member)[0])
-            quads = _strip_quads(member, piece, height) if is_strip(member) else _cell_quads(graph, member)
-            faces.append(MemberFaces(member.id, (red, green, blue), quads))
+        if member.id not in built or (member.kind == "fill" and not stock):
+            continue
+        if not is_strip(member):
+            quads = _cell_quads(graph, member)
+        elif stock:
+            quads = _plank_quads(member, piece, stock.thickness, stock.depth)
+        else:
+            quads = _strip_quads(member, piece, layering.layer_height(layer_numbers(layering, member)[0]))
+        faces.append(MemberFaces(member.id, _shares(_member_colour(member, palette)), quads))
     return faces
 
 
@@ -73,33 +83,13 @@ def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
     members, faces = plan.graph.by_id, []
     for part in placed_parts(plan.bars):
         tint = _member_colour(members[part.member], palette) if part.member else PLATE_COLOUR
-        red, green, blue = (x / 255 for x in tint)
-        faces.append(MemberFaces(part.id, (red, green, blue), part.quads))
+        faces.append(MemberFaces(part.id, _shares(tint), part.quads))
     return faces
 
 
-def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all members that the plan builds as panels, in a single layer."""
-    assert plan.graph is not None
-    built = {part.member for part in plan.parts}
-    return [face for face in member_faces(plan.graph, palette, Layering(0.0, 2, 0.0)) if face.id in built]
-
-
-def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """Return the faces of all members in the plan: both sides and the upper edge of planks, one side of plates."""
-    assert plan.graph is not None
-    assert plan.planks is not None
-    graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
-    piece = float(np.linalg.norm(np.ptp(graph.sheet.surface.V, axis=0))) / DRAWN_PIECES
-    faces = []
-    for member in graph.members:
-        if member.id in built:
-            red, green, blue = (x / 255 for x in _member_colour(member, palette))
-            quads = _cell_quads(graph, member)
-            if is_strip(member):
-                quads = _plank_quads(member, piece, stock.thickness, stock.depth)
-            faces.append(MemberFaces(member.id, (red, green, blue), quads))
-    return faces
+def _shares(colour: tuple[int, int, int]) -> tuple[float, float, float]:
+    red, green, blue = colour
+    return red / 255, green / 255, blue / 255
 
 
 def _plank_quads(member: Member, piece: float, thickness: float, depth: float) -> Floats:

@@ -8,9 +8,9 @@ from dsfab.core.arrays import Floats
 from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
-from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures
+from dsfab.report.assembly.flat_parts import PartsPage, sheet_figures, table_pages
+from dsfab.report.assembly.overview import STEP_PICTURES, AssemblyStep
 from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, DrawingTransform, Paper, PaperBox, usual_scale
-from dsfab.report.assembly.sequence import STEP_PICTURES, AssemblyStep
 from dsfab.workshop import BAR_CLEARANCE, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
 ROWS, COLUMNS = 58, 2  # Rows and columns of bars on a page.
@@ -56,12 +56,8 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 def bar_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with a table of all bars: nodes, length and angles."""
-    rows = bar_table(plan).rows
-    per_page = ROWS * COLUMNS
-    return [
-        (f"Bars {page_rows[0][0]} to {page_rows[-1][0]}", _bar_page(page_rows))
-        for page_rows in (rows[k : k + per_page] for k in range(0, len(rows), per_page))
-    ]
+    rows = [bar_row(row) for row in bar_table(plan).rows]
+    return table_pages("Bars", rows, (ROWS, COLUMNS), BAR_TABLE_HEADS, BAR_TABLE_PLACES, BAR_TABLE_NOTE)
 
 
 BAR_TABLE_HEADS = ("bar", "from", "to", "length", "along", "dip", "along", "dip", "twist", "bow")
@@ -73,29 +69,11 @@ BAR_TABLE_NOTE = (
 )
 
 
-def _bar_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], None]:
-    def draw(paper: Paper) -> None:
-        step = PAGE.high / (ROWS + 1)
-        for k in range(0, len(rows), ROWS):
-            x, top = PAGE.x + k // ROWS * PAGE.wide / COLUMNS, PAGE.y + PAGE.high - step
-            for place, head in zip(BAR_TABLE_PLACES, BAR_TABLE_HEADS, strict=True):
-                paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
-            paper.polylines([np.array([[x, top - 1], [x + BAR_TABLE_PLACES[-1], top - 1]])], INK, 0.5)
-            for row, bar_row in enumerate(rows[k : k + ROWS], 1):
-                _bar_row(paper, (x, top - row * step), bar_row)
-        for k, line in enumerate(paper.wrapped_lines(BAR_TABLE_NOTE, PAGE.wide, 7)):
-            paper.text((PAGE.x, PAGE.y - 4 - 2.8 * k), line, 7, QUIET)
-
-    return draw
-
-
-def _bar_row(paper: Paper, corner: tuple[float, float], row: Sequence[str | int | float]) -> None:
+def bar_row(row: Sequence[str | int | float]) -> list[str]:
+    """Return the words of a row of `bar_table`, without its widths and its number."""
     name, start_node, end_node, _, bar_length, _, *angles, bow, _ = row
-    paper.text(corner, str(name), 6.5, bold=True)
     angle_words = [f"{angle:z.1f}°" for angle in angles]
-    shown = [str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
-    for place, words in zip(BAR_TABLE_PLACES[1:], shown, strict=True):
-        paper.text((corner[0] + place, corner[1]), words, 6.5, side="left" if place < 50 else "right")
+    return [str(name), str(start_node), str(end_node), f"{bar_length:,.1f}", *angle_words, f"{bow:.1f}"]
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:

@@ -12,21 +12,22 @@ from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import (
-    Axonometry,
-    MemberFaces,
-    bar_faces,
-    faces_by_member,
-    member_faces,
-    plank_faces,
-    skin_faces,
-)
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, drawn_faces, faces_by_member
 from dsfab.report.assembly.bar_pages import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps, joint_pages
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, family_pages, nest_pages, node_pages, sheet_figures
-from dsfab.report.assembly.overview import draw_cover, draw_named_view, refolded_pages
+from dsfab.report.assembly.overview import (
+    LAYER_RULE,
+    AssemblyStep,
+    assembly_steps,
+    draw_cover,
+    draw_named_view,
+    plank_rule,
+    plank_steps,
+    refolded_pages,
+    step_pages,
+)
 from dsfab.report.assembly.paper import HAIR, INK, MARGIN, PAGE, PAPER_HEIGHT, PAPER_WIDTH, QUIET, Paper
-from dsfab.report.assembly.sequence import LAYER_RULE, assembly_steps, plank_rule, plank_steps, step_pages
 from dsfab.report.pdf_pages import MM, fonts
 from dsfab.workshop import WorkshopPlan
 
@@ -69,71 +70,27 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[BookPage]:
         return [*flat_pages, last_page]
     load = design.load if design.has("statics") else None
     up = up_axis(plan.graph.sheet.surface.V, design.surface, load)
-    if plan.planks:
-        return [*_plank_book(plan, design, up), last_page]
+    faces, figures, notes = drawn_faces(plan, PAPER), _key_figures(plan, design), list(plan.notes)
+    pages: list[BookPage] = [("Assembly", partial(draw_cover, faces=faces, up=up, figures=figures, notes=notes))]
+    pages += joint_pages(plan) if plan.bars else [] if plan.planks else model_pages(plan)
+    pages += _view_pages(faces_by_member(faces, plan) if plan.bars else faces, up)
+    if plan.planks or plan.layering:
+        pages += refolded_pages(plan, faces, up)
+    pages += [*family_pages(plan), *(bar_pages(plan) if plan.bars else []), *flat_pages]
     if plan.route == "panels":
-        return [*_panel_book(plan, design, up), last_page]
-    if plan.layering is None:
-        return [*_bar_book(plan, design, up), last_page]
-    built = {part.member for part in plan.parts}
-    faces = [face for face in member_faces(plan.graph, PAPER, plan.layering) if face.id in built]
-    return [
-        _cover(plan, design, faces, up),
-        *model_pages(plan),
-        *_view_pages(faces, up),
-        *refolded_pages(plan, faces, up),
-        *family_pages(plan),
-        *flat_pages,
-        *node_pages(plan),
-        *step_pages(assembly_steps(plan.graph, plan.layering, up), faces, up, LAYER_RULE),
-        last_page,
-    ]
+        return [*pages, last_page]
+    steps, rule = _steps(plan, up)
+    return [*pages, *node_pages(plan), *step_pages(steps, faces, up, rule), last_page]
 
 
-def _cover(plan: WorkshopPlan, design: Design, faces: list[MemberFaces], up: Floats) -> BookPage:
-    figures, notes = _key_figures(plan, design), list(plan.notes)
-    return "Assembly", partial(draw_cover, faces=faces, up=up, figures=figures, notes=notes)
-
-
-def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
-    parts = bar_faces(plan, PAPER)
-    return [
-        _cover(plan, design, parts, up),
-        *joint_pages(plan),
-        *_view_pages(faces_by_member(parts, plan), up),
-        *family_pages(plan),
-        *bar_pages(plan),
-        *cut_list_pages(plan),
-        *nest_pages(plan),
-        *node_pages(plan),
-        *step_pages(bar_steps(plan, up), parts, up, BAR_RULE),
-    ]
-
-
-def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
-    faces = plank_faces(plan, PAPER)
-    return [
-        _cover(plan, design, faces, up),
-        *_view_pages(faces, up),
-        *refolded_pages(plan, faces, up),
-        *family_pages(plan),
-        *cut_list_pages(plan),
-        *nest_pages(plan),
-        *node_pages(plan),
-        *step_pages(plank_steps(plan, up), faces, up, plank_rule(plan)),
-    ]
-
-
-def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[BookPage]:
-    faces = skin_faces(plan, PAPER)
-    return [
-        _cover(plan, design, faces, up),
-        *model_pages(plan),
-        *_view_pages(faces, up),
-        *family_pages(plan),
-        *cut_list_pages(plan),
-        *nest_pages(plan),
-    ]
+def _steps(plan: WorkshopPlan, up: Floats) -> tuple[tuple[AssemblyStep, ...], str]:
+    if plan.planks:
+        return plank_steps(plan, up), plank_rule(plan)
+    if plan.bars:
+        return bar_steps(plan, up), BAR_RULE
+    assert plan.graph is not None
+    assert plan.layering is not None
+    return assembly_steps(plan.graph, plan.layering, up), LAYER_RULE
 
 
 def _view_pages(faces: list[MemberFaces], up: Floats) -> list[BookPage]:

@@ -1,6 +1,8 @@
 """Pages of flat parts: cut list, nested sheets, nodes, and the members of each family."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Literal
 
 import numpy as np
 
@@ -12,8 +14,7 @@ from dsfab.workshop import FlatPart, NestedSheet, WorkshopPlan, money, node_tabl
 
 ACROSS, DOWN = 4, 13  # Columns and rows of parts on a page.
 ROWS, COLUMNS = 62, 3  # Rows and columns of nodes on a page.
-LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Least scales at which names of parts are legible, for a structure and for a model; millimetres per metre."""
+LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0  # least scales (mm per metre) of legible names, for structures and models
 PartsPage = tuple[str, Callable[[Paper], None]]
 
 
@@ -126,37 +127,49 @@ def _part_name(paper: Paper, part: FlatPart, fitted: DrawingTransform) -> None:
 
 def node_pages(plan: WorkshopPlan) -> list[PartsPage]:
     """Return pages with a table of all nodes with bolts: members, angle between them, and place."""
-    rows, pages, per_page = node_table(plan).rows, [], ROWS * COLUMNS
-    for k in range(0, len(rows), per_page):
-        page_rows = rows[k : k + per_page]
-        page = _node_page(page_rows, "on" if plan.layering else "with")
-        pages.append((f"Nodes {page_rows[0][0]} to {page_rows[-1][0]}", page))
-    return pages
+    heads, places = ("node", "members", "angle", "x", "y", "z"), (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
+    note, meets = (
+        "Millimetres, on the middle surface; angles between the members there.",
+        "on" if plan.layering else "with",
+    )
+    rows = [_node_row(row, meets) for row in node_table(plan).rows]
+    return table_pages("Nodes", rows, (ROWS, COLUMNS), heads, places, note)
 
 
-def _node_page(rows: Sequence[Sequence[str | int | float]], meets: str) -> Callable[[Paper], None]:
-    heads = ("node", "members", "angle", "x", "y", "z")
-    places = (0.0, 16.0, 72.0, 90.0, 107.0, 122.0)
+def _node_row(row: Sequence[str | int | float], meets: str) -> list[str]:
+    name, kind, lower, upper, _, _, angle, *place = row
+    words = f"{lower} {meets} {upper}" if kind == "crossing" else f"{lower}, {upper} ({kind})"
+    return [str(name), words, "" if angle != angle else f"{angle:.1f}°", *(f"{value:,.0f}" for value in place)]
 
-    def draw(paper: Paper) -> None:
-        step = PAGE.high / (ROWS + 1)
-        for k in range(0, len(rows), ROWS):
-            x, top = PAGE.x + k // ROWS * PAGE.wide / COLUMNS, PAGE.y + PAGE.high - step
+
+def table_pages(
+    title: str,
+    rows: Sequence[Sequence[str]],
+    size: tuple[int, int],
+    heads: Sequence[str],
+    places: Sequence[float],
+    note: str,
+) -> list[PartsPage]:
+    """Return pages with rows of words, the first word of each row in bold. size : rows and columns of rows on a page.
+    places : millimetres from the left end of a row; words at 50 and more end there, all others begin there."""
+    down, columns = size
+
+    def draw(paper: Paper, page_rows: Sequence[Sequence[str]]) -> None:
+        step = PAGE.high / (down + 1)
+        for k in range(0, len(page_rows), down):
+            x, top = PAGE.x + k // down * PAGE.wide / columns, PAGE.y + PAGE.high - step
             for place, head in zip(places, heads, strict=True):
                 paper.text((x + place, top), head, 6.5, QUIET, "left" if place < 50 else "right")
-            paper.polylines([np.array([[x, top - 1], [x + 122, top - 1]])], INK, 0.5)
-            for row, (name, kind, lower, upper, _, _, angle, *place_values) in enumerate(rows[k : k + ROWS], 1):
-                y = top - row * step
-                words = f"{lower} {meets} {upper}" if kind == "crossing" else f"{lower}, {upper} ({kind})"
-                paper.text((x, y), str(name), 6.5, bold=True)
-                paper.text((x + places[1], y), words, 6.5)
-                shown = "" if angle != angle else f"{angle:.1f}°"
-                for place, value in zip(places[2:], (shown, *(f"{value:,.0f}" for value in place_values)), strict=True):
-                    paper.text((x + place, y), value, 6.5, side="right")
-        note = "Millimetres, on the middle surface; angles between the members there."
-        paper.text((PAGE.x, PAGE.y - 4), note, 7, QUIET)
+            paper.polylines([np.array([[x, top - 1], [x + places[-1], top - 1]])], INK, 0.5)
+            for number, row in enumerate(page_rows[k : k + down], 1):
+                for place, words in zip(places, row, strict=True):
+                    side: Literal["left", "right"] = "left" if place < 50 else "right"
+                    paper.text((x + place, top - number * step), words, 6.5, side=side, bold=place == 0)
+        for k, line in enumerate(paper.wrapped_lines(note, PAGE.wide, 7)):
+            paper.text((PAGE.x, PAGE.y - 4 - 2.8 * k), line, 7, QUIET)
 
-    return draw
+    parts = [rows[k : k + down * columns] for k in range(0, len(rows), down * columns)]
+    return [(f"{title} {part[0][0]} to {part[-1][0]}", partial(draw, page_rows=part)) for part in parts]
 
 
 ROW = 24.0  # Height of the row of a member on a page of a family, millimetres of paper.

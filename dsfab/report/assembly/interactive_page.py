@@ -12,7 +12,7 @@ from dsfab.core.messages import length
 from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.render import PAPER, up_axis
-from dsfab.report.assembly.axonometry import MemberFaces, bar_faces, member_faces, plank_faces, skin_faces
+from dsfab.report.assembly.axonometry import MemberFaces, drawn_faces
 from dsfab.report.assembly.overview import piece_length, strip_quads
 from dsfab.report.html_pages import page_style
 from dsfab.surface import simplified_line
@@ -55,7 +55,7 @@ def _colour_scale(name: str, unit: str, values: dict[str, float], names: list[st
     return {"name": name, "unit": unit, "values": listed}
 
 
-def key_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
+def key_figures(design: Design, judged: bool) -> list[tuple[str, str]]:
     """Return names and values of the key figures of a structure."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
@@ -80,14 +80,14 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
     load = design.load if design.has("statics") else None
-    faces, words = _clickable_faces(plan), _bar_words(plan) if plan.bars else {}
+    faces, words = drawn_faces(plan, PAPER), _bar_words(plan) if plan.bars else {}
     facts = {
         "name": preset.name,
         "line": f"{len({part.member for part in plan.parts} - {''})} members, {len(plan.parts)} parts, "
         f"{len(plan.sheets)} sheets",
         "all": "All bars and plates" if plan.bars else "All members",
         "notes": list(plan.notes),
-        "figures": key_figures(plan, design, judged),
+        "figures": key_figures(design, judged),
         "shades": colour_scales(plan, [face.id for face in faces], design if judged else None),
         "up": up_axis(graph.sheet.surface.V, design.surface, load).tolist(),
         "members": [
@@ -107,18 +107,6 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
     text = json.dumps(facts, separators=(",", ":"), ensure_ascii=False).replace("<", "\\u003c")
     title = escape(f"{preset.name}: {'structure' if judged else 'workshop'}")
     return template.replace("{{title}}", title).replace("{{style}}", page_style()).replace("{{facts}}", text)
-
-
-def _clickable_faces(plan: WorkshopPlan) -> list[MemberFaces]:
-    if plan.planks:
-        return plank_faces(plan, PAPER)
-    if plan.route == "panels":
-        return skin_faces(plan, PAPER)
-    if plan.layering is None:
-        return bar_faces(plan, PAPER)
-    assert plan.graph is not None
-    built = {part.member for part in plan.parts}
-    return [face for face in member_faces(plan.graph, PAPER, plan.layering) if face.id in built]
 
 
 def _refolded_parts(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:

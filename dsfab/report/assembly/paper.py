@@ -41,8 +41,7 @@ class PaperBox:
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
-PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)
-"""Box for the drawings of a page."""
+PAGE = PaperBox(MARGIN, FOOT, PAPER_WIDTH - 2 * MARGIN, PAPER_HEIGHT - HEAD - FOOT)  # box for the drawings of a page
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
-from dsfab.render.colouring import rising_colours
+from dsfab.render import band_colours
 from dsfab.render.lettering import PAPER, Palette
 from dsfab.render.scene import Bytes, Colour
 from dsfab.render.view import up_axis
@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-ResultRow = Mapping[str, Any]
-"""Row of `results.json`: `volume`, and the keys of `dsfab.study.alternatives.Competitor.row`."""
+ResultRow = Mapping[str, Any]  # row of `results.json`: `volume`, and the keys of `study.alternatives.Competitor.row`
 
 STYLES: Mapping[str, tuple[str, str, str]] = {
     "design": ("#b4441c", "-", "o"),
@@ -48,10 +47,6 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
 
 NAMES = {
     "design": "this design",
-    "plain": "the same, plain widths",
-    "row": "Table 1's row, labelled by sign",
-    "letter": "Table 1's row to the letter",
-    "stripes": "evenly spaced stripes",
     "isotropic": "isotropic, best pair of modes",
     "rotated": "turned by 45°, best pair",
     "thinner": "whole sheet, thinner",
@@ -258,7 +253,7 @@ class FindingsPictures:
     ) -> ReportFigure:
         step = round_number_above(limit / BANDS)
         count = max(2, math.ceil(limit / step - 1e-9))
-        bands = [(int(r), int(g), int(b)) for r, g, b in rising_colours(np.linspace(0.04, 1, count))]
+        bands = band_colours(count)
         palette = replace(WHITE, families=tuple(bands))
         band = np.minimum((value / step).astype(np.int64), count - 1)
         factor, name = (1e-3, "mm") if unit == "m" and limit < 1 else prefixed_unit(limit, unit)

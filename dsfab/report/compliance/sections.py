@@ -228,7 +228,7 @@ def scope_sections(findings: Findings) -> list[ReportSection]:
     ]
 
 
-def calibration_section(number: CaptionNumbers) -> ReportSection:
+def calibration_section() -> ReportSection:
     """Return the tests of the rule that sets the error bound."""
     rows = calibration.shipped_table()
     result, kinds = calibration.summary(rows), len({row.kind for row in rows})
@@ -257,6 +257,30 @@ def reproduction_section(
         Code(preset),
     ]
     return ReportSection("Making it again", blocks, own_page=True)
+
+
+def carrying_sections(
+    findings: Findings,
+    pictures: FindingsPictures,
+    number: CaptionNumbers,
+    charts: ChartImages,
+    versions: Mapping[str, str],
+    preset: str,
+) -> list[ReportSection]:
+    """Return all sections for a design in equilibrium."""
+    return [
+        summary_section(findings, pictures, number),
+        checks_section(findings, number),
+        structure_section(findings, number),
+        loads_section(findings, pictures, number),
+        convergence_section(findings, number),
+        reactions_section(findings, number),
+        comparison_section(findings, number, charts),
+        displacement_and_stress_section(findings, pictures, number),
+        *scope_sections(findings),
+        calibration_section(),
+        reproduction_section(findings.command, versions, preset, number),
+    ]
 
 
 def failed_sections(

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats
-from dsfab.core.errors import DsfabError, ExportError
+from dsfab.core.errors import DsfabError
 from dsfab.design import Design
 from dsfab.members.eurocode import Utilisation
 from dsfab.members.frame import COMPONENTS
@@ -41,10 +41,9 @@ from dsfab.report.html_pages import (
     ReportFigure,
     ReportSection,
     Table,
-    document_html,
     escaped_text,
 )
-from dsfab.report.pdf_pages import document_pdf
+from dsfab.report.pdf_pages import write_document
 from dsfab.workshop import workshop_plan
 
 if TYPE_CHECKING:
@@ -56,8 +55,7 @@ if TYPE_CHECKING:
 UNITS = (*["N"] * 3, *["N m"] * 3)  # Units of the components: three forces, three moments.
 DIAGRAM_COMPONENTS = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))  # Number, name and unit of each component.
 
-DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68
-"""Width and height of a row of diagrams in inches; the axis below takes half a row more."""
+DIAGRAM_WIDTH, DIAGRAM_HEIGHT = 6.8, 0.68  # inches of a row of diagrams; the axis below takes half a row more
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
 """Colours of positive values, negative values, and lines."""
 
@@ -165,7 +163,7 @@ def worst_member_words(utilisation: Utilisation) -> str:
     return f"{utilisation.bays.member[worst]}, {percent(float(utilisation.largest[worst]))}"
 
 
-def summary_section(utilisation: Utilisation, picture: ReportFigure, number: CaptionNumbers) -> ReportSection:
+def summary_section(utilisation: Utilisation, picture: ReportFigure) -> ReportSection:
     """Return the first page: a verdict on the members alone, and a picture."""
     overloaded = sum(value > 1 for value in utilisation.by_member.values())
     if utilisation.standard.startswith("no standard"):
@@ -277,7 +275,6 @@ def members_section(utilisation: Utilisation, number: CaptionNumbers) -> ReportS
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
 
 
-FILES = ("report.html", "report.pdf")
 STRUCTURE_FILE = "structure.html"  # Name of the interactive page for clients.
 
 
@@ -292,7 +289,7 @@ def member_report(design: Design, command: str) -> Document:
         ("Worst member", worst_member_words(utilisation)),
     ]
     document_sections = [
-        summary_section(utilisation, rating_figure(design, number), number),
+        summary_section(utilisation, rating_figure(design, number)),
         worst_section(utilisation, number),
         diagrams_section(design, number),
         checks_section(utilisation, number),
@@ -307,13 +304,7 @@ def member_report(design: Design, command: str) -> Document:
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
     """Write the report and the page of the structure; return names of files, and a sentence for each failed step."""
-    document, files, messages = member_report(design, command), [FILES[0]], list[str]()
-    (folder / FILES[0]).write_text(document_html(document), encoding="utf-8")
-    try:
-        (folder / FILES[1]).write_bytes(document_pdf(document))
-        files.append(FILES[1])
-    except ExportError as error:
-        messages.append(str(error))
+    files, messages = write_document(member_report(design, command), folder)
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
     except DsfabError as error:

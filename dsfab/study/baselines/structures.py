@@ -6,7 +6,6 @@ from functools import cache, cached_property, partial
 from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.sparse import csr_array, eye_array
 
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
@@ -33,6 +32,7 @@ from dsfab.preset.model import FAMILIES, Family, Preset
 from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StaticsResult, StressedSurface
 from dsfab.slicing import Sheet, material_area
 from dsfab.statics import flat_axis
+from dsfab.study.verdict import whole_sheet
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.surface.fields import voronoi_mass
 
@@ -140,8 +140,7 @@ class Structure:
     @classmethod
     def uncut(cls, surface: Surface, thickness: float) -> Self:
         """Return the whole surface as a structure."""
-        every = np.arange(surface.m)
-        sheet = Sheet(surface, every, np.zeros_like(every), csr_array(eye_array(surface.n)))
+        sheet = whole_sheet(surface)
         return cls(sheet, ("the sheet",), sheet, pieces(surface.F, surface.edges)[0], thickness)
 
     @cached_property

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, lock
 from dsfab.core.errors import ExportError, SurfaceError
 from dsfab.core.limits import DEFLECTION, OFF_SURFACE, SIMPLIFIED_OFF_SURFACE
 from dsfab.core.units import METRES_PER, MM_PER_M, metres_per
@@ -179,8 +179,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
     """Return unit normals (m, 3), and a mask (m,) of the faces that are high enough to have a normal."""
-    P = V[F]
-    cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
+    P, cross = V[F], area_vectors(V, F)
     twice = np.linalg.norm(cross, axis=1)
     longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
     has_normal = twice > FLAT * float(np.linalg.norm(np.ptp(V, axis=0))) * longest
@@ -308,7 +307,7 @@ def _farthest(
 
 def _skin_offsets(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
     sheet: Surface = design.sheet.surface
-    cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    cross = area_vectors(V, F)
     twice = np.linalg.norm(cross, axis=1)
     P = V[F].mean(axis=1)
     projection = nearest_places(P, sheet.V, sheet.F)

@@ -3,8 +3,7 @@
     python -P gmsh_program.py IN.npz OUT.npz
 
 IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). The
-program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with gmsh.
-"""
+program imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with gmsh."""
 
 import sys
 from pathlib import Path

@@ -31,8 +31,7 @@ NAME = "coordinator.lock"
 def only_coordinator(folder: Path) -> Iterator[None]:
     """Lock a sweep folder, so that a single process coordinates the sweep. The lock is an SQLite file, which the system
     unlocks when the process ends. A text file beside the lock names the process. Raises DsfabError while another
-    process holds the lock.
-    """
+    process holds the lock."""
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
     try:
@@ -269,8 +268,7 @@ def prepare(
     checked : result of `checked_plan`, if the caller has it.
     extend  : whether a changed plan may add runs to the recorded runs; if False, a changed plan raises DsfabError. If
               metrics or kept files change, all runs are repeated.
-    Invalid keys and values raise PresetError.
-    """
+    Invalid keys and values raise PresetError."""
     preset, runs = checked_plan(plan) if checked is None else checked
     settled = _portable_plan(plan, runs)
     texts = {"plan": plan_toml(settled), "preset": preset_toml(preset)}

@@ -32,8 +32,7 @@ from dsfab.surface import hat_gradients
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
     """Return the cut sheet's equilibrium under each load that its pattern follows, by the load's name. The design
-    stores the result. Raises StaticsError if the sheet does not carry its loads.
-    """
+    stores the result. Raises StaticsError if the sheet does not carry its loads."""
 
     def solve() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().model_for(design.sheet.surface), design.cut_loads, use)
@@ -65,8 +64,7 @@ def _loose(design: Design) -> float:
 
 def _min_width(design: Design) -> float:
     """Return the stripe width that 90 % of the stripes' area exceeds. A width is 2 d / |grad z|: z is the field of the
-    stripes, and d the half width in units of z.
-    """
+    stripes, and d the half width in units of z."""
     pattern = design.pattern
     if pattern.even is not None:
         chart_pattern = stripes_on_chart(design)

@@ -101,8 +101,7 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 def dotted_keys(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return nested tables as dotted keys. Three kinds of tables stay as values: ranges, which have the key `from`;
-    empty tables; and tables below a quoted dotted key, as after --set.
-    """
+    empty tables; and tables below a quoted dotted key, as after --set."""
     entries: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -346,8 +345,7 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 def plan_toml(plan: Plan) -> str:
     """Return the complete plan, with defaults, as TOML. Varied keys keep their order, because samples and run numbers
-    depend on it. Each range is one line, because tomli_w would put tables behind lists.
-    """
+    depend on it. Each range is one line, because tomli_w would put tables behind lists."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]

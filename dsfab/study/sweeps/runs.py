@@ -33,8 +33,7 @@ def points(plan: Plan) -> list[Changes]:
     """Return the changes of each run, without repeats. Raises PresetError for more than `MOST` points, and for a CSV
     file that cannot be read.
     sobol : scrambled Sobol points. A larger set begins with the points of a smaller one, so a sweep can be extended.
-    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points.
-    """
+    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another number of points gives other points."""
     kind, _, rest = plan.sampling.partition(":")
     if kind == "csv":
         runs: Iterator[Changes] = from_csv(Path(rest))
@@ -105,8 +104,7 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 def from_csv(path: Path) -> Iterator[Changes]:
     """Yield one run for each row of a CSV file, with values written as after --set. Each column is a dotted key. If
     some columns begin with 'in:', all others are ignored. Raises PresetError for a file that has no rows or cannot be
-    read.
-    """
+    read."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -156,8 +154,7 @@ class RunRow:
 
 class Store:
     """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError if the
-    disk is full or the file cannot be used.
-    """
+    disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._db = path, connection
@@ -345,8 +342,7 @@ def search(plan: Plan, make: Make) -> None:
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
     """Return the cost of a run: the logarithm of the metric, negative if more is better. A run that failed or misses a
-    constraint costs `MISSED` or more.
-    """
+    constraint costs `MISSED` or more."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))

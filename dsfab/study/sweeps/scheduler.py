@@ -2,14 +2,14 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 
 from dsfab.core.errors import DsfabError
-from dsfab.study.sweeps.in_memory import Rows
 from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
+from dsfab.study.variations import stage_order
 
 TRIES = 2  # if this many workers die in a run, the session stops trying it; the next session makes it alone
 PATIENCE = 600.0  # seconds without any worker before the scheduler gives up
@@ -57,8 +57,7 @@ def conduct(
     report   : receives the progress before the first run and after each run.
     progress : progress of the whole sweep; by default counted from the recorded runs.
     Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
-    recorded as running; `Store.reset_to_waiting` resets them.
-    """
+    recorded as running; `Store.reset_to_waiting` resets them."""
     _Scheduler(store, crew, runs, deliver, report, progress or current_progress(store)).run()
 
 
@@ -69,25 +68,61 @@ def current_progress(store: Store, total: int | None = None) -> Progress:
     return Progress(total or sum(counts.values()), done, failed, killed=killed)
 
 
+class Rows:
+    """Queues of waiting runs: one queue for each worker, and one queue of runs that belong to no worker."""
+
+    def __init__(self, numbers: Sequence[int], changes: Sequence[Changes]) -> None:
+        self._free: list[int] = [numbers[i] for i in stage_order(changes)]
+        self._rows: dict[str, list[int]] = {}
+
+    def __len__(self) -> int:
+        return len(self._free) + sum(len(row) for row in self._rows.values())
+
+    def take(self, worker: str) -> int | None:
+        """Return the next run of a worker, or None. A worker with an empty queue takes over the free runs, or half of
+        the longest queue."""
+        row = self._rows.setdefault(worker, [])
+        if not row:
+            self._rows[worker] = row = self._take_share()
+        return row.pop(0) if row else None
+
+    def give_back(self, worker: str, number: int) -> None:
+        """Put back a run that the next free worker must try again."""
+        self._free.insert(0, number)
+        self.leave(worker)
+
+    def leave(self, worker: str) -> None:
+        """Free the runs in the queue of a worker that has gone, so that any worker can take them."""
+        self._free.extend(self._rows.pop(worker, []))
+
+    def _take_share(self) -> list[int]:
+        if self._free:
+            row, self._free = self._free, []
+            return row
+        longest = max(self._rows.values(), key=len, default=[])
+        middle = len(longest) // 2
+        taken = longest[middle:]
+        del longest[middle:]
+        return taken
+
+
+@dataclass(eq=False)
 class _Scheduler:
-    def __init__(
-        self,
-        store: Store,
-        crew: Workers,
-        runs: Mapping[int, Changes],
-        deliver: Deliver,
-        report: Callable[[Progress], None],
-        progress: Progress,
-    ) -> None:
-        self.store, self.crew, self.runs, self.deliver, self.told = store, crew, runs, deliver, report
-        self.progress = progress
-        self.rows = Rows(list(runs), list(runs.values()))
-        self.busy: dict[Future[Outcome], tuple[str, int]] = {}
-        self.known: set[str] = set()
-        self.losses: Counter[int] = Counter()
+    store: Store
+    crew: Workers
+    runs: Mapping[int, Changes]
+    deliver: Deliver
+    report: Callable[[Progress], None]
+    progress: Progress
+    busy: dict[Future[Outcome], tuple[str, int]] = field(default_factory=dict)
+    known: set[str] = field(default_factory=set)
+    losses: Counter[int] = field(default_factory=Counter)
+
+    def __post_init__(self) -> None:
+        self.rows = Rows(list(self.runs), list(self.runs.values()))
 
     def run(self) -> None:
-        self.told(self.progress)
+        self.report(self.progress)
         tick, alone_since = 0.5, time.monotonic()  # tick : seconds until the next check of the workers
         while self.rows or self.busy:
             self._hand_out()
@@ -156,4 +191,4 @@ class _Scheduler:
             self.progress.failed += 1
         else:
             self.progress.done += 1
-        self.told(self.progress)
+        self.report(self.progress)

@@ -33,8 +33,7 @@ class Job:
     """Input that all runs of a sweep share, as data that can be sent to workers.
     token   : text that identifies the job.    preset : the base preset as nested tables.
     metrics, keep, formats : see `Plan`.       draw : function that draws a picture, or None.
-    mesh    : content of the preset's mesh file if workers cannot read the file.
-    """
+    mesh    : content of the preset's mesh file if workers cannot read the file."""
 
     token: str
     preset: Mapping[str, Any]
@@ -49,8 +48,7 @@ class Job:
 class Outcome:
     """Result of a run: its metrics, its error ('' for success) and log, and files by name.
     seconds : time on the worker.    peak : peak memory of the worker's process, bytes (0 if unknown).
-    killed  : True if the system killed the worker at each attempt; the error then says nothing about the design.
-    """
+    killed  : True if the system killed the worker at each attempt; the error then says nothing about the design."""
 
     number: int
     metrics: Mapping[str, float] = field(default_factory=dict)
@@ -69,8 +67,7 @@ _thread_state = threading.local()  # state of each worker thread: the job, its b
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
     """Carry out one run and return its outcome. Errors do not raise: the outcome holds them, with all successful
-    metrics.
-    """
+    metrics."""
     with _run_lock:
         return _run_job(job, number, changes)
 
@@ -196,8 +193,7 @@ the number of threads.
 
 class LocalWorkers:
     """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not stop the rest.
-    workers : number of workers; default: as many as fit into memory, if each needs as much as the finished runs.
-    """
+    workers : number of workers; default: as many as fit into memory, if each needs as much as the finished runs."""
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
         self._job, self._asked = job, workers
@@ -322,8 +318,7 @@ SECONDS = 20  # time limit for a scheduler's answer
 class DaskWorkers:
     """Workers of a Dask scheduler, including workers that join later. If a worker dies, Dask gives its run to another
     worker. Start one worker per core, with one thread each (`dask worker --nthreads 1`), because a worker makes one run
-    at a time. Raises DsfabError if dask is not installed or the scheduler does not answer.
-    """
+    at a time. Raises DsfabError if dask is not installed or the scheduler does not answer."""
 
     def __init__(self, job: Job, scheduler: str) -> None:
         try:
@@ -380,8 +375,7 @@ def map_in_processes(
 ) -> Iterator[Result]:
     """Yield job(item) for each item in order, from `workers` processes of one thread each. 1 means this process.
     work : relative duration of an item; the longest items start first, so that all processes end together.
-    Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
-    """
+    Raises DsfabError if a process dies. If the caller stops iterating, all processes end."""
     if workers == 1:
         yield from map(job, items)
         return

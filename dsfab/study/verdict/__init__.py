@@ -5,8 +5,7 @@ check ─► attached_material                     supported pieces and their lo
                     ─► estimate                  value and bound (estimates.py)
                     ─► theory_share              extra softness of a solid (levels.py)
       ─► Verdict                                 status and reason (verdict.py)
-mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same for buckling and frequency (modes.py)
-"""
+mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same for buckling and frequency (modes.py)"""
 
 from dsfab.study.verdict.levels import Level
 from dsfab.study.verdict.modes import ModeIntervals, ModeLevel, mode_intervals

@@ -108,8 +108,7 @@ class Summary:
     """Statistics of the tested designs of a table.
     designs, converged : number of designs, and of converged designs.    largest_error : largest error of the verdict.
     inside        : share of designs with an error below the bound.    median_bound : median bound of the verdict.
-    quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
-    """
+    quick_median, quick_most : error of the quick level: its median and its 90 % quantile."""
 
     designs: int
     inside: float
@@ -220,8 +219,7 @@ snap value of the shipped table, and not that of its preset.
 
 def random_design(kind: str, seed: int) -> Design:
     """Return a design with random stripes, widths and share; equal seeds give equal designs. Raises DsfabError if the
-    design cannot be built.
-    """
+    design cannot be built."""
     rng, surface_kind = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**surface_kind.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
@@ -237,8 +235,7 @@ def random_design(kind: str, seed: int) -> Design:
 
 def trial_row(kind: str, seed: int, count: int = 4) -> TrialRow:
     """Return a random design, solved on up to `count` meshes. A large design gets no fourth mesh if its verdict needs
-    only two. Raises DsfabError if the design cannot be built or does not carry its loads.
-    """
+    only two. Raises DsfabError if the design cannot be built or does not carry its loads."""
     design = random_design(kind, seed)
     setting = LoadedSurface.from_design(design)
     sheet, _, loads = attached_material(setting, design.slicing.cells.subset())
@@ -278,8 +275,7 @@ def _solve(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *p
 
 def calibrate(count: int = 8, report: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
     """Yield the rows of the first `count` designs of each kind that can be built; this takes a quarter of an hour.
-    report : receives the kind and the seed before each design.
-    """
+    report : receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = solved = 0
         while solved < count:

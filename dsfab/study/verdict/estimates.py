@@ -35,8 +35,7 @@ def estimate(values: Sequence[float], spread: float, recovery: float) -> Complia
     recovery : ZZ error of the finest mesh.
 
     With three meshes, the value is the mean of two extrapolations: with `EXTRAPOLATION_DIVISOR`, and with the ratio of
-    the two steps. On the ten designs with a fourth mesh, neither extrapolation alone is better.
-    """
+    the two steps. On the ten designs with a fourth mesh, neither extrapolation alone is better."""
     of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # smallest factors that calibration.csv allows
     if len(values) < 2:
         # in 19 of 20 designs the error is below 1.7 times the recovery error
@@ -68,8 +67,7 @@ reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the 
 @dataclass(frozen=True)
 class ModeEstimate:
     """Lowest load factor, or lowest frequency (Hz). bound : half width of its interval, relative to the value; inf for
-    one mesh. ratio : first step over second step of the value, from mesh to mesh; None for fewer than three meshes.
-    """
+    one mesh. ratio : first step over second step of the value, from mesh to mesh; None for fewer than three meshes."""
 
     value: float
     bound: float
@@ -90,8 +88,7 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     `STEP_RATIOS`. The bound is the extrapolated part. If the two steps have opposite signs, the value is that of the
     finest mesh, and the bound is twice the last step. If steps do not shrink, the bound is twice the larger step. The
     rule is not calibrated on random designs. It covers only mesh errors: the sheet is thin, perfect in shape, and
-    linear until it buckles.
-    """
+    linear until it buckles."""
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
     finest, step = values[-1], values[-1] - values[-2]
@@ -114,8 +111,7 @@ REENTRANT_ANGLE = np.radians(30)  # least inward turn of the outline at a reentr
 class Extreme:
     """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
     away : largest value on faces farther than a rib's width from corners, because stress peaks at corners grow with
-           refinement. None if no face is that far, or for quantities without peaks.
-    """
+           refinement. None if no face is that far, or for quantities without peaks."""
 
     value: float
     place: tuple[float, float, float]
@@ -132,8 +128,7 @@ def stress_extremes(surface: Surface, stress: SheetStress, supported: Bools) -> 
     """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
     smallest).
     Each extreme is the largest of both sides and the middle of the sheet, and at least 0. supported : (n,) mask of
-    supported vertices.
-    """
+    supported vertices."""
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
         "stress": stress.largest,

@@ -37,8 +37,7 @@ from dsfab.surface import LoadCase, Surface
 class Shares(NamedTuple):
     """Forces of a load on a sheet, newtons, independent of the sheet's mesh.
     vertices : (n, 3) forces on the material around each vertex of the uncut surface.
-    faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material.
-    """
+    faces    : (p, 3) forces on the material in each face of the uncut surface, up to the last face with material."""
 
     vertices: Floats
     faces: Floats
@@ -66,8 +65,7 @@ def on_mesh(
     The force of a vertex is spread over the material around it, in proportion to the hat function of the uncut mesh. So
     a load has the same place and size on every finer mesh. No force acts on a point, because a sheet in its plane has
     no finite displacement under a point force. A load on a face spreads evenly over the face's material. The sum of all
-    forces is exact.
-    """
+    forces is exact."""
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # sums over the corners
     mass = np.asarray(hats.T @ areas)
@@ -91,8 +89,7 @@ class RibSoftening(NamedTuple):
               this second solve fails.
     shear   : energy of transverse shear, 6 q^2 / (5 G h) per square metre. The shear force q is averaged over faces
               within half a thickness, because a solid spreads the shear force at a neck.
-    bending : energy of bending, times the square root of thickness / mean rib width.
-    """
+    bending : energy of bending, times the square root of thickness / mean rib width."""
 
     torsion: float
     shear: float
@@ -130,8 +127,7 @@ def rib_softening(
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
     """Return the matrix (m, m) that averages vectors of faces by area within `reach` metres. A vector of a face with
-    opposite normal changes its sign.
-    """
+    opposite normal changes its sign."""
     tree = cKDTree(surface.centroids)
     pairs = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     face, neighbour = pairs.coords
@@ -146,8 +142,7 @@ def theory_share(soft: RibSoftening) -> float:
     The factors cover all solids that CalculiX solved as quadratic wedges: 39 random designs, and 31 designs on other
     surfaces (`solids.csv`; 8 of these, seed 3, were drawn after the formula). All solids are softer than thin sheets.
     Torsion and shear follow from mechanics. The bending term covers two further effects: joints of ribs, and shells
-    that are thick for their radius.
-    """
+    that are thick for their radius."""
     return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
@@ -203,8 +198,7 @@ def level(
 ) -> Level:
     """Solve the sheet on one mesh, under loads on the same supports.
     ribs : whether to add a second solve in which ribs twist as bars, see `RibSoftening`.
-    Raises StaticsError as `equilibria` does.
-    """
+    Raises StaticsError as `equilibria` does."""
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     answers_by_pair = {}
@@ -241,8 +235,7 @@ def recovery_errors(
     surface: Surface, material: SheetMaterial, sheet_stress_field: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
     """Return the squared energy errors of membrane and bending, relative to the compliance. An error is the difference
-    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for elements of constant stress.
-    """
+    between the stress and its average around vertices [Zienkiewicz and Zhu 1987]; 0 for elements of constant stress."""
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(material.material.membrane(material.law)) * material.thickness

@@ -37,8 +37,7 @@ class ModeLevel:
     """Modes on one mesh of `triangles` triangles.
     buckling : lowest buckling factor of each case; None for a case without compression; empty if not requested.
     hertz    : lowest frequency, None if not requested.
-    local    : by case, a clause if the lowest buckling mode is local, see `lowest_buckling`.
-    """
+    local    : by case, a clause if the lowest buckling mode is local, see `lowest_buckling`."""
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -53,8 +52,7 @@ class ModeIntervals:
     hertz    : the lowest frequency with its bound; None without a request or a result.
     levels   : the meshes, coarse to fine.
     assumed  : assumptions about the supports (`mode_supports`), or ''.
-    refusals : sentences with the reason why a value or a finer mesh is missing.
-    """
+    refusals : sentences with the reason why a value or a finer mesh is missing."""
 
     buckling: Mapping[str, estimates.ModeEstimate]
     hertz: estimates.ModeEstimate | None
@@ -76,8 +74,7 @@ def mode_intervals(
     The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
     if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. The result has no mode shapes.
     budget : bytes; a mesh that would need more is not solved.
-    Errors do not raise: `refusals` lists them.
-    """
+    Errors do not raise: `refusals` lists them."""
     levels: list[ModeLevel] = []
     refusals: list[str] = []
     assumed = ""

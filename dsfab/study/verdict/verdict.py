@@ -72,8 +72,7 @@ def attached_material(
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
     """Return the material that is connected to a support, the dropped pieces (largest first), and the loads on the
     attached material. Raises StaticsError without supports, for a free rigid motion, and for a load on a dropped piece
-    or on no material.
-    """
+    or on no material."""
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
     area = np.bincount(label, s.areas, count)
@@ -107,8 +106,7 @@ class CaseVerdict:
              loads. unknown: the bound is larger.
     spread : compliance by quadratic + midedge relative to that by quadratic + hhj, minus 1, on the first mesh.
     zz_membrane, zz_bending : errors on the finest mesh, see `Level`.
-    theory : share by which a solid may be softer than this thin sheet; see `theory_share`.
-    """
+    theory : share by which a solid may be softer than this thin sheet; see `theory_share`."""
 
     name: str
     value: float
@@ -131,8 +129,7 @@ class Verdict:
     dropped    : pieces of material that reach no support, largest first; the solver omits them.
     per_member : mean width of members in edges of the uncut mesh; inf for a closed sheet without openings.
     facets     : median of L^2 / (R h) of the uncut mesh: edge length L, radius of curvature R, thickness h.
-    warnings   : a sentence for each of `per_member` and `facets` that is beyond its limit.
-    """
+    warnings   : a sentence for each of `per_member` and `facets` that is beyond its limit."""
 
     depth: Depth
     status: Status
@@ -193,8 +190,7 @@ COUNT = {2: "two levels", 3: "three levels"}
 class Refinement:
     """Meshes of a verdict that are solved so far.
     stopped  : status and reason of the end of refinement; None after convergence or the last mesh.
-    unsolved : True if the solver rejected the last mesh.
-    """
+    unsolved : True if the solver rejected the last mesh."""
 
     setting: LoadedSurface
     smooth: SmoothSurface
@@ -310,8 +306,7 @@ def check(
               step, 781 needles among 38 127 triangles made a sheet look like a mechanism.
 
     A sheet that does not carry its loads gets a verdict, not an error. Raises ValueError for a `LoadedSurface` without
-    `sheet`.
-    """
+    `sheet`."""
     start = time.perf_counter()
     setting = LoadedSurface.from_design(subject) if isinstance(subject, Design) else subject
     if sheet is None:

@@ -14,27 +14,21 @@ from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, polyhedron
 from dsfab.export.curves import Curve
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, count_error, distinct_rows
+from dsfab.export.readback import ReadBack, distinct_rows, require_equal
 from dsfab.export.writing import TRAILING_ZEROS, comma_separated_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
 """Colours of the pieces in turn, as red, green and blue. They are muted, so that edges stay visible."""
 
-DIGITS = 6
-"""Decimals (of millimetres) of curve coordinates, and of the vertices among which coplanar triangles are searched."""
-
-DIRECTION_DIGITS = 11
-"""Decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm."""
-
-FIRST_FREE = 19
-"""First free entity number after the header of the file."""
+DIGITS = 6  # decimals (of millimetres) of curves, and of the vertices among which coplanar triangles are searched
+DIRECTION_DIGITS = 11  # decimals of directions; their rounding moves the end of an edge of 100 m by less than 1e-6 mm
+FIRST_FREE = 19  # first free entity number after the header of the file
 
 PARAMETER_CONTEXT = (
     "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 )
 
-KnotText = tuple[str, str]
-"""Multiplicities and values of knots, as text."""
+KnotText = tuple[str, str]  # multiplicities and values of knots, as text
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
@@ -239,8 +233,7 @@ def step_string(name: str) -> str:
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
-FACETED_DIGITS = 5
-"""Decimals of corners of planar faces: the file states a precision of 1e-5 mm. Planes are searched before rounding."""
+FACETED_DIGITS = 5  # decimals of corners of planar faces; the file states 1e-5 mm; planes are searched before rounding
 
 _COORDINATES = f"(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f)"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -330,8 +323,7 @@ def _tables(
 def _ratios(shape: Polyhedron) -> Floats:
     """Return the (e, 3) exact directions of the edges between rounded corners, as smallest whole numbers.
 
-    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths.
-    """
+    ISO 10303-42 does not require unit length. Edges along an axis share one direction, whatever their lengths."""
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
     return np.asarray(along / np.maximum(np.gcd.reduce(along, axis=1), 1)[:, None])
@@ -368,8 +360,7 @@ def faceted_bytes(shape: Polyhedron) -> float:
 def header(name: str, description: str, pieces: int = 1) -> str:
     """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
 
-    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time.
-    """
+    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time."""
     title = step_string(one_line(name))
     product = step_string(piece_name(name, 0, pieces))
     return _HEADER.format(
@@ -439,8 +430,7 @@ def _product(entity_list: StepEntities, i: int, title: str) -> Iterator[str]:
 
 def check(part: Part, report: dict[str, float]) -> ReadBack:
     """Return the content read back; raises ExportError unless OCCT reports the same triangles and volume (0.1 %)."""
-    if report["triangles"] != len(part.F):
-        raise count_error(part, "triangles", len(part.F), int(report["triangles"]))
+    require_equal(part, "triangles", len(part.F), int(report["triangles"]))
     if not abs(report["volume"] - part.volume) <= READ_BACK * part.volume:
         raise ExportError(f"the triangles of {part.name!r} read back with another volume; write step = 'faceted'")
     return ReadBack(int(report["triangles"]), "triangles", report["volume"] / part.volume - 1)

@@ -32,7 +32,7 @@ from dsfab.export.cad.step.worker.shapes import read as read_shape
 from dsfab.export.curves import Curve, chains, check_length, curve_tolerance, halves
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, check_measure, count_error
+from dsfab.export.readback import ReadBack, check_measure, require_equal
 from dsfab.export.subprocesses import ProgramError
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
@@ -42,16 +42,14 @@ CHECK_SECONDS_PER_FACE = 0.02
 """Limits of the time for reading back: a constant part, and seconds per face. Both are several times the measured
 time; OCCT's check of very long outlines may never finish."""
 
-LIGHT = 8.0
-"""Size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut."""
+LIGHT = 8.0  # size (megabytes) below which a faceted file is better than a smooth file that OCCT cannot cut
 
 
 def encode(part: Part) -> Iterator[bytes]:
     """Return an iterator over the bytes of the file.
 
     Raises ExportError before the first byte if the strategy cannot write the solid, and BudgetError for too many faces.
-    Raises BudgetError later if the file becomes too large.
-    """
+    Raises BudgetError later if the file becomes too large."""
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)
@@ -125,8 +123,8 @@ def check(part: Part, path: Path) -> ReadBack:
     if part.step == "tessellated":
         return tessellated.check(part, report)
     faces = path.read_bytes().count(b"=ADVANCED_FACE(")
-    _require_count(part, "solids", len(solids_of(part)[1]), report)
-    _require_count(part, "faces", faces, report)
+    require_equal(part, "solids", len(solids_of(part)[1]), report["solids"])
+    require_equal(part, "faces", faces, report["faces"])
     if not report["valid"]:
         raise ExportError(
             f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
@@ -138,11 +136,6 @@ def check(part: Part, path: Path) -> ReadBack:
         )
     volume_error = report["volume"] / part.volume - 1
     return ReadBack(faces, "faces", volume_error if part.step == "smooth" else check_measure(part, report["volume"]))
-
-
-def _require_count(part: Part, kind: str, count: int, report: dict[str, Any]) -> None:
-    if report[kind] != count:
-        raise count_error(part, kind, count, report[kind])
 
 
 def _require_same(part: Part, path: Path, text: str) -> None:
@@ -212,7 +205,7 @@ def encode_brep(part: Part) -> Iterator[bytes]:
 def check_brep(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
     report = inspection(part, path)
-    _require_count(part, "solids", len(solids_of(part)[1]), report)
+    require_equal(part, "solids", len(solids_of(part)[1]), report["solids"])
     if not (report["valid"] and report["tessellates"]):
         raise ExportError(f"OCCT finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
     if part.step not in ("smooth", "members"):
@@ -274,5 +267,5 @@ def _style(entity_list: StepEntities, colour: tuple[float, float, float]) -> int
 def check_lines_file(part: Part, path: Path) -> ReadBack:
     """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
     report = inspection(part, path)
-    _require_count(part, "lines", len(part.details.lines), report)
+    require_equal(part, "lines", len(part.details.lines), report["lines"])
     return ReadBack(report["lines"], "lines", check_length(part, report["length"]), "length")

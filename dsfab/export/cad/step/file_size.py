@@ -16,8 +16,7 @@ from dsfab.surface import nearest_places
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import coarsen_mesh
 
-LOADING_SECONDS = 1.5
-"""Shortest time (seconds) for reading back, because a new process loads OCCT."""
+LOADING_SECONDS = 1.5  # shortest time (seconds) for reading back, because a new process loads OCCT
 
 
 @dataclass(frozen=True)
@@ -129,8 +128,7 @@ def simplified_part(part: Part, tolerance: float) -> Part:
 
     `note` of the result states the measured distance and the change of volume. Raises ExportError if no try stays
     within the tolerance, keeps the volume to 0.5 %, adds no crossings, and removes a tenth of the triangles. Raises
-    BudgetError as soon as far more planar faces remain than `step_faces` allows (0: no limit).
-    """
+    BudgetError as soon as far more planar faces remain than `step_faces` allows (0: no limit)."""
     worth = 0.9  # at most this share of the triangles may remain
     stride = 1.6  # each try uses 1.6 times the tolerance of the last try in manifold3d
     crossing, step = len(intersecting_pairs(part.V, part.F)), tolerance

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, area_vectors, lock
 from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.entities import StepEntities
 from dsfab.export.cad.step.planar import FLATNESS
@@ -14,15 +14,11 @@ from dsfab.export.curves import Curve, curves_through, split_at_knots
 from dsfab.export.part import Part
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
-SAME_PLACE = 1e-3
-"""Distance (mm) up to which a corner of the part is a vertex of the outline, and outlines of both skins are equal."""
-
-WIDTH_SHARE = 0.1
-"""Largest tolerance of a loop, as a share of its area over its length, so that slits and dots keep their shape."""
+SAME_PLACE = 1e-3  # distance (mm) up to which a corner is a vertex of the outline, and outlines of both skins are equal
+WIDTH_SHARE = 0.1  # largest tolerance of a loop over its area per length, so that slits and dots keep their shape
 
 
-GAP_SHARE = 0.25
-"""Largest tolerance of a loop, as a share of its distance from the next loop, so that curves never cross a member."""
+GAP_SHARE = 0.25  # largest tolerance of a loop over its distance from the next one, so that curves never cross a member
 
 
 class NotFlatError(ExportError):
@@ -71,8 +67,7 @@ class FlatPlate:
 
 def outlines_of(part: Part) -> FlatOutlines:
     """Return the outlines of a flat solid; raises ExportError if the solid is not a sheet between two planes."""
-    corners = part.V[part.F]
-    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    vectors = area_vectors(part.V, part.F)
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
     across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
     used = np.unique(part.F)
@@ -117,8 +112,7 @@ def _skin_outlines(part: Part, axes: Floats, low: float, high: float) -> FlatOut
 def plate(outlines: FlatOutlines, corners: Floats, tolerance: float) -> FlatPlate:
     """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
 
-    Raises ExportError if no spline follows so closely.
-    """
+    Raises ExportError if no spline follows so closely."""
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     piece_curves = []
     gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))

@@ -55,8 +55,7 @@ class Facet:
 class FlatFacets:
     """Cut sheet whose faces lie in a few planes, before its folds are mitred.
 
-    skins : (n, 2, 3) vertices of the sheet on both skins, millimetres.    facet : (m,) facet of each face.
-    """
+    skins : (n, 2, 3) vertices of the sheet on both skins, millimetres.    facet : (m,) facet of each face."""
 
     whole: DividedSheet
     shift: int
@@ -84,8 +83,7 @@ class FoldedSheet:
     outline : regions of the sheet and their runs; `chart` names the facet of a region.
     points  : (n, 2, 3) vertices on both skins; vertices at folds lie in the planes of all their facets.
 
-    If the planes around a vertex have no common point, each mesh face at this vertex becomes a facet.
-    """
+    If the planes around a vertex have no common point, each mesh face at this vertex becomes a facet."""
 
     outline: SheetOutline
     facets: dict[int, Facet]
@@ -167,8 +165,7 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 def _mitred_vertices(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
     """Return (n, 2, 3) vertices moved by least squares into the planes of their facets, and (n,) True where this fails.
 
-    The corners of a facet with a single face define its plane, so they do not move.
-    """
+    The corners of a facet with a single face define its plane, so they do not move."""
     exact = 1e-5  # corners of a fold may be off the planes that meet there by 1e-5 mm
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
@@ -223,8 +220,7 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 def region_lines(sheet: FoldedSheet, region: ChartRegion) -> list[Floats]:
     """Return the loops (k, 4) of a region in the planes of its facet; the outer loop is counter-clockwise.
 
-    Raises ExportError unless the region has exactly one outer loop.
-    """
+    Raises ExportError unless the region has exactly one outer loop."""
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
     if any(sum(signed_loop_area(line[:, s : s + 2]) > 0 for line in lines) != 1 for s in (0, 2)):
@@ -246,8 +242,7 @@ def _curve(line: Floats, tolerance: float) -> Curve:
     return curve
 
 
-EdgePair = tuple[int, int]
-"""Edges of a run on the upper and on the lower skin."""
+EdgePair = tuple[int, int]  # edges of a run on the upper and on the lower skin
 
 
 class PlanarFile(NamedTuple):

@@ -3,14 +3,11 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
-from dsfab.surface.topology import EdgeTable, edge_table
+from dsfab.surface.topology import EdgeTable, edge_table, link_components
 
-FLATNESS = 1e-5
-"""Largest distance (mm) of vertices from a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
+FLATNESS = 1e-5  # largest distance (mm) of vertices from a joined plane or line: the precision of Parasolid, 1e-8 m
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FLATNESS) -> tuple[Ints, Floats]:
@@ -33,16 +30,11 @@ def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, tolerance: float = FL
     forth, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
     flat = table.pairs[forth & back] // 3
     absorbed = np.stack([h, k], axis=1)[low[h // 3] & (h % 3 == lengths.argmax(axis=1)[h // 3])] // 3
-    region = _components(np.concatenate([flat, absorbed]), len(F))
+    _, region = link_components(len(F), *np.concatenate([flat, absorbed]).T)
     uneven = _off_plane(corners, vectors, region) > tolerance
     if uneven.any():
-        region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
+        _, region = link_components(len(F), *np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]).T)
     return region, group_sums(region, vectors)
-
-
-def _components(links: Ints, count: int) -> Ints:
-    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
-    return connected_components(graph, directed=False)[1].astype(np.int64)
 
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
@@ -81,8 +73,7 @@ def outline_of(region: Ints, opposite: Ints) -> FaceOutlines:
     """Chain the half-edges between different regions (m,), each region on the left. opposite : (3 m,) half-edges.
 
     The next half-edge is the first border half-edge around the end of the last one, within the region. So loops never
-    jump across a vertex where a region touches itself.
-    """
+    jump across a vertex where a region touches itself."""
     on_border = region[np.arange(len(opposite)) // 3] != region[opposite // 3]
     onward = np.arange(len(opposite))
     onward += np.where(onward % 3 == 2, -2, 1)
@@ -165,8 +156,7 @@ class Polyhedron:
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], its outer loop first.
     normals : (f, 3) unit normals.
     origin  : (f,) a point of each face.
-    shell   : (f,) closed shell of each face.
-    """
+    shell   : (f,) closed shell of each face."""
 
     points: Floats
     edges: Ints
@@ -194,8 +184,7 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: FaceOutlines) -> Boo
     """Return (n,) True for vertices that the outlines need; vertices inside a straight edge are not needed.
 
     A vertex is not needed if just two outline edges meet there, in line. Every run of such vertices must also lie on
-    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners.
-    """
+    the line between its ends, because a finely divided circle is locally straight too. Loops keep three corners."""
     a = F.ravel()[outline.h]
     edge = np.unique(table.of.ravel()[outline.h])
     degree = np.bincount(table.ends[edge].ravel(), minlength=len(V))

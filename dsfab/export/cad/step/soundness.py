@@ -23,15 +23,13 @@ from dsfab.export.subprocesses import ProgramError
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges
 from dsfab.thickening.self_intersection import intersecting_pairs
 
-REDRAWING_ROUNDS = 2
-"""Number of times that OCCT draws crossing curved faces again, each time with a quarter of the deflection."""
+REDRAWING_ROUNDS = 2  # number of times that OCCT redraws crossing curved faces, each with a quarter of the deflection
 
 
 class StepTriangles(NamedTuple):
     """Triangles of a STEP file: V (n, 3) distinct points in metres, F (m, 3) counter-clockwise from outside.
 
-    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped.
-    """
+    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped."""
 
     V: Floats
     F: Ints
@@ -75,8 +73,7 @@ def curved_soundness(
 def step_fault(path: Path, deflection: float) -> str:
     """Return the reason why a STEP file, drawn with a deflection in metres, is not a solid; "" for a solid.
 
-    Raises ExportError if OCCT cannot read the file or takes too long.
-    """
+    Raises ExportError if OCCT cannot read the file or takes too long."""
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return triangle_fault(step_triangles(mesh), deflection, mesh.shape)
 
@@ -119,8 +116,7 @@ def _redraw(
 def _same_topology(coarse: StepTriangles, fine: StepTriangles) -> bool:
     """Return True for fine triangles that are an oriented manifold with the Euler number of the coarse triangles.
 
-    A face that OCCT omits or fails to join changes that number.
-    """
+    A face that OCCT omits or fails to join changes that number."""
     selected = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -131,8 +127,7 @@ def _euler(F: Ints) -> int:
     return len(np.unique(F)) - len(edge_table(F).ends) + len(F)
 
 
-MOST_FACES = 2000
-"""Largest number of faces of a file that is cut on trial without a request; this takes 4 s, or 15 s from text."""
+MOST_FACES = 2000  # largest number of faces of a file that is cut on trial unasked, in 4 s, or 15 s from text
 
 
 @dataclass(frozen=True)

@@ -116,8 +116,7 @@ def _last_attempts(part: Part, members: Part | None, quick: bool) -> Iterator[Pa
     """Yield the attempts that remain after a faceted part was refused.
 
     members : the part with the strategy members for slow attempts, or None.
-    quick   : stop if the first simplification is far over the limit.
-    """
+    quick   : stop if the first simplification is far over the limit."""
     far_factor = 2  # further tries do not help if the faces are more than twice the allowed number
     is_far = False
     if not part.tolerance:
@@ -162,8 +161,7 @@ def default_tolerance(part: Part) -> float:
 def _may_be_planar(part: Part) -> bool:
     """Return False for the mesh of a curved sheet: flat facets without creases between them.
 
-    This quick test needs no mitres and outlines, which take seconds if each facet is one triangle.
-    """
+    This quick test needs no mitres and outlines, which take seconds if each facet is one triangle."""
     flat = flat_facets(part)
     return flat is None or flat.has_creases or part.step == "planar"
 
@@ -259,8 +257,7 @@ class Estimate:
     open_seconds  : for another program to open the file.
     note          : distance from the mesh, and warnings.
     refused       : reason for the refusal; "" if there is none.
-    chosen        : True if `write` would use this strategy.
-    """
+    chosen        : True if `write` would use this strategy."""
 
     way: str
     faces: int = 0
@@ -276,8 +273,7 @@ class Estimate:
 def estimates(part: Part) -> tuple[Estimate, ...]:
     """Estimate the cost of each strategy for a prepared part, best first, and mark the one that `write` would use.
 
-    Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused.
-    """
+    Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused."""
     by_strategy, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
         estimate = _estimate(attempt) if isinstance(attempt, Part) else _refusal(attempt)

@@ -6,5 +6,4 @@ curves, lines, patch_sides : curves of degree 2 or 3 along chains on both skins,
 patches, trimmed : Coons patches of four-sided regions, and trimmed surfaces of all other regions.
 trimmed_division, trimmed_corrections : trimmed regions divided or corrected if they miss their edges or the mesh.
 model, sharp_corners, fillet_edges : vertices, edges, walls and faces, prepared so that OCCT can fillet the edges.
-draft, build : the sequence of all steps, the STEP text, and OCCT's checks of the file.
-"""
+draft, build : the sequence of all steps, the STEP text, and OCCT's checks of the file."""

@@ -16,8 +16,7 @@ from dsfab.export.cad.step.by_members.trimmed import axes_of, middle_normal, sig
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.splines import Spline, arc_lengths, bernstein, even_samples, polyline_length, splines_through
 
-TOUCHING_SHARE = 1 / 400
-"""Parts of an outline nearer than this share of the thickness touch; in sound outlines they are six times farther."""
+TOUCHING_SHARE = 1 / 400  # nearer parts of an outline touch, over the thickness; sound outlines are six times farther
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, distance: float = 0.0) -> set[int]:
@@ -120,8 +119,7 @@ def _without_spurs(loop: ChainLoop) -> ChainLoop:
     return steps
 
 
-PLACES = np.linspace(0, 1, 65)
-"""Parameters where the curvature is measured."""
+PLACES = np.linspace(0, 1, 65)  # parameters where the curvature is measured
 
 
 def straight_net(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
@@ -181,8 +179,7 @@ def _points(curve: Spline, sag: float) -> int:
     return max(fewest, 1 + int(np.ceil(np.sqrt(largest_bend / (8 * sag)))))
 
 
-LONGEST_CHORD = 2.0
-"""Largest chord of a round corner, as a multiple of the thickness."""
+LONGEST_CHORD = 2.0  # largest chord of a round corner, as a multiple of the thickness
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:

@@ -13,8 +13,7 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.shared.skins import SmoothLimits
 from dsfab.export.splines import Spline, arc_lengths, basis, bernstein, even_samples, splines_through
 
-READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])
-"""Parameters of four points of a cubic, which determine its poles."""
+READ_PLACES = np.array([0.05, 0.35, 0.65, 0.95])  # parameters of four points of a cubic, which determine its poles
 
 READ_MATRIX = bernstein(READ_PLACES)
 POLE_MATRIX = np.linalg.inv(READ_MATRIX)
@@ -66,8 +65,7 @@ def _rows(x: Floats, knots: Floats) -> Floats:
     return rows[:, 1:-1]
 
 
-SAMPLES_PER_EDGE = 2
-"""Number of samples on the skins for each mesh edge along a chain."""
+SAMPLES_PER_EDGE = 2  # number of samples on the skins for each mesh edge along a chain
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,11 +198,8 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: SmoothLimits) -> dic
     return result
 
 
-PARABOLA_SHARE = 1 / 10
-"""Largest distance of a parabola from the cubic that it replaces, as a share of the allowed distance from the mesh."""
-
-ZERO_DIFFERENCE = 1e-8
-"""Third differences below this (mm) count as zero, because curves are cut and reversed before they are written."""
+PARABOLA_SHARE = 1 / 10  # largest distance of a parabola from its cubic, over the allowed distance from the mesh
+ZERO_DIFFERENCE = 1e-8  # smaller third differences (mm) count as zero, as curves are cut and reversed before writing
 
 BOW_FACTOR = np.sqrt(3) / 36
 """Distance of a cubic with third difference 1 from its parabola: the maximum of x (1/2 - x) (1 - x)."""

@@ -151,14 +151,9 @@ class NetWriter:
         return self.new.spline_surface((j - 1, k - 1), rows, bezier_knots(j), bezier_knots(k))
 
 
-GAP_SHARE = 1 / 4000
-"""Wanted gap between a trimmed face and its edges, as a share of the thickness."""
-
-PASSES = 3
-"""Number of repeated tests for crossing outlines, because outlines of joined or undivided regions may cross again."""
-
-UNASKED = 7000
-"""Largest number of faces if `hurry` is 1 and the user did not request members; more faces take half a minute."""
+GAP_SHARE = 1 / 4000  # wanted gap between a trimmed face and its edges, as a share of the thickness
+PASSES = 3  # number of repeated tests for crossing outlines: outlines of joined or undivided regions may cross again
+UNASKED = 7000  # largest number of faces if `hurry` is 1 and nobody requested members; more faces take half a minute
 
 
 class ManyFacesError(ExportError):
@@ -180,8 +175,7 @@ def member_draft(part: Part, plan: SolidPlan, fine: bool = False) -> MemberDraft
     """Encode a part without checks. Raises ExportError if that fails, and ManyFacesError for too many faces.
 
     fine : measure the distance of faces from the mesh, keep borders close to the skins, and use more points in long
-           triangles, see `RegionInterior`.
-    """
+           triangles, see `RegionInterior`."""
     with one_blas_thread():  # several threads would slow down thousands of small systems
         return _draft(part, plan, fine)
 

@@ -24,11 +24,8 @@ from dsfab.export.cad.step.by_members.regions import ChainLoop
 from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
-FACE_TOLERANCE = 1e-6
-"""Largest distance (mm) of a face from the extended part of a seam."""
-
-PLACES = np.linspace(0, 1, 17)
-"""Parameters of a curve where its distance from a face is measured."""
+FACE_TOLERANCE = 1e-6  # largest distance (mm) of a face from the extended part of a seam
+PLACES = np.linspace(0, 1, 17)  # parameters of a curve where its distance from a face is measured
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
@@ -70,11 +67,8 @@ def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
     return bool(np.abs(points - bernstein(PLACES) @ poles).max() < FACE_TOLERANCE)
 
 
-FILLET_SHARE = 1 / 6
-"""Radius over the thickness of the fillet for which a seam is extended: by radius times tangent of half the turn."""
-
-MARGIN = 0.1
-"""Surfaces extend farther than the seam by this share of the seam's extension."""
+FILLET_SHARE = 1 / 6  # radius over the thickness of the fillet for which seams are extended: radius times tan(turn / 2)
+MARGIN = 0.1  # surfaces extend farther than the seam by this share of the seam's extension
 
 LARGE_FILLET_SHARE = 1 / 8
 """Radius over the thickness of the fillet for which the patch beyond a seam along a wall's edge is extended. OCCT
@@ -266,16 +260,14 @@ def _polynomial_part(P: Floats, low: float, high: float) -> Floats:
     return np.stack(parts)
 
 
-CLEAR_EDGE = 1 / 7
-"""Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
+CLEAR_EDGE = 1 / 7  # radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge
 
 LONGEST_SHARE = 4.0
 """Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends
 the edge beyond the fillet and back, and looks for the end of the fillet with few samples. If the fillet takes less than
 1.5 % of the edge, OCCT may find the far end: fillets of 5 mm on 700 mm and of 2 mm on 180 mm failed."""
 
-DENSE = np.linspace(0, 1, 129)
-"""Parameters where an edge is compared with its trimmed face."""
+DENSE = np.linspace(0, 1, 129)  # parameters where an edge is compared with its trimmed face
 
 
 def with_ordered_walls(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:

@@ -15,11 +15,9 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.by_members.curves import SAMPLES_PER_EDGE, ChainCurve, SampledChain, on_skins, parts_of
 from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, ends_at, outline_through, turns
 
-LinePart = tuple[int, float, float]
-"""Part of a line: number of the line, and the parameters where the part begins and ends."""
+LinePart = tuple[int, float, float]  # part of a line: the line's number, and the parameters where it begins and ends
 
-ChainEnd = tuple[int, int]
-"""End of a chain: number of the chain, and 0 for its first point or -1 for its last."""
+ChainEnd = tuple[int, int]  # end of a chain: number of the chain, and 0 for its first point or -1 for its last
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,11 +205,9 @@ def end_of(step: tuple[int, bool]) -> ChainEnd:
     return step[0], -1 if step[1] else 0
 
 
-CORNER_ANGLE = np.deg2rad(50.0)
-"""An outline has a corner where two of its chains meet with at least this turn (radians)."""
+CORNER_ANGLE = np.deg2rad(50.0)  # an outline has a corner where two chains meet with at least this turn (radians)
 
-BEND_ANGLE = np.deg2rad(10.0)
-"""An outline is round at a vertex with at least this turn (radians), see `regions.ROUND_COSINE`."""
+BEND_ANGLE = np.deg2rad(10.0)  # an outline is round at a vertex with at least this turn (radians), see `ROUND_COSINE`
 
 
 class ArcsOnSkins:

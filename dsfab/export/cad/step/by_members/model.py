@@ -13,8 +13,7 @@ from dsfab.export.cad.step.by_members.patch_sides import Quad, SideGrid, SideSta
 from dsfab.export.cad.step.by_members.patches import PatchBuilder
 from dsfab.export.cad.step.by_members.regions import ChainLoop, mean_width
 
-MOST_CELLS = 2
-"""Largest number of patches in a compact region; with more, such as in a round crossing, the region is trimmed."""
+MOST_CELLS = 2  # largest number of patches in a compact region; with more, as in a round crossing, it is trimmed
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,8 +50,7 @@ class NetModel:
 
     vertices : (6,) points on both skins, mm.    trimmed : loops of edges around regions without patches.
     compact  : trimmed regions with four sides, which could be divided into patches.
-    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin.
-    """
+    seam     : True for a one-sided surface that was cut open; there the outer skin becomes the inner skin."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)

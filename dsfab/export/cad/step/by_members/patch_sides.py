@@ -27,8 +27,7 @@ from dsfab.export.cad.step.by_members.regions import VOID, ChainLoop, ChainNet, 
 from dsfab.export.cad.step.shared.skins import LOOP_SHARE, OUTLINE_SHARE
 from dsfab.export.splines import bernstein, polyline_length
 
-REACH_SHARE = 3 / 4
-"""Distance along a chain within which its direction is measured, as a share of the thickness."""
+REACH_SHARE = 3 / 4  # distance along a chain within which its direction is measured, as a share of the thickness
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,23 +7,19 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, polygon_perimeter, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, polygon_perimeter, unit_vectors
 from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, edge_table, half_edges, link_components, next_half_edge
 
-CORNER_COSINE = np.cos(np.deg2rad(40.0))
-"""Cosine of the smallest turn of an outline that counts as a corner."""
+CORNER_COSINE = np.cos(np.deg2rad(40.0))  # cosine of the smallest turn of an outline that counts as a corner
 
 ROUND_COSINE = np.cos(np.deg2rad(10.0))
 """Cosine of the smallest turn at a vertex of a round corner, seen along the sheet's normal. Nodes mark the ends of
 round corners. Where a coarse mesh bends, an outline turns in space with the mesh but is straight in this view."""
 
-VOID = -1
-"""Number in place of a region, for the space beyond an outline."""
-
-ChainLoop = list[tuple[int, bool]]
-"""Chains in order; True means that the loop runs along the chain, False against it."""
+VOID = -1  # number in place of a region, for the space beyond an outline
+ChainLoop = list[tuple[int, bool]]  # chains in order; True means that the loop runs along the chain, False against it
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +124,7 @@ def _regions(
     f, g = edges.pairs.T // 3
     is_joined = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = link_components(len(sheet.F), f[is_joined], g[is_joined])
-    a, b, c = (P[sheet.F[:, i]] for i in range(3))
-    area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)
+    area = np.bincount(region, np.linalg.norm(area_vectors(P, sheet.F), axis=1) / 2, count)
     loose = np.zeros(count, dtype=bool)
     loose[region[sheet.loose]] = True
     small = np.flatnonzero((area < (sliver * thickness) ** 2) & ~loose)

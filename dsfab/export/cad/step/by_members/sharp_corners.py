@@ -92,15 +92,13 @@ def _edges_of_face(face: TrimmedFace) -> set[int]:
     return {e for loop in face.loops for e, _ in loop}
 
 
-FILLET_SHARE = 1 / 6
-"""Radius over the thickness of the largest fillet whose part of an edge lies exactly on the surface."""
+FILLET_SHARE = 1 / 6  # radius over the thickness of the largest fillet whose part of an edge is exactly on the surface
 
 INNER_SHARE = 6 / 7
 """Smallest radius on the inner skin, as a share of the outer radius. Around one opening the inner edge is a quarter
 shorter, and fillets of 2 mm in a sheet of 16 mm took more than the whole edge."""
 
-TEST_PLACES = np.linspace(0, 1, 33)
-"""Parameters where the distance of an edge from a surface is measured, and where the edge may be cut."""
+TEST_PLACES = np.linspace(0, 1, 33)  # parameters of an edge for its distance from a surface, and for its cuts
 
 FLUSH_TOLERANCE = 1e-6
 """Largest distance (mm) of a held edge from its surface. With 5e-7 all corners of a dome already take fillets."""
@@ -108,8 +106,7 @@ FLUSH_TOLERANCE = 1e-6
 STILL_ROWS = rows_at(np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2))
 """Basis at places where a surface must not move; without these places a surface of a sphere of 2 m moved by 1.4 mm."""
 
-MOVED = 1 / 400
-"""Largest movement of the inside of a face, as a share of the thickness."""
+MOVED = 1 / 400  # largest movement of the inside of a face, as a share of the thickness
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:

@@ -109,8 +109,7 @@ SMOOTH_WEIGHTS = (1e-1, 1e-2)
 """Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; these weights hold poles
 far from all points. With the second weight, poles of a torus of 2.5 m were up to 0.35 m off, and OCCT's box too."""
 
-BASE_DEGREE = 2
-"""Degree of the surface to which corrections of higher degree are added."""
+BASE_DEGREE = 2  # degree of the surface to which corrections of higher degree are added
 
 USUAL_TRIALS = tuple((EDGE_WEIGHTS[0], SMOOTH_WEIGHTS[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
 """Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
@@ -127,8 +126,7 @@ TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np
 HELD_PLACES = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Parameters where a surface must meet an edge; between these places the surface is off by less than 5e-8 mm."""
 
-LEAST_NORMAL_COSINE = 0.35
-"""Smallest cosine between the normal of the mean plane and the normals of a region."""
+LEAST_NORMAL_COSINE = 0.35  # smallest cosine between the normal of the mean plane and the normals of a region
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +137,7 @@ class TrimmedFace:
     axes  : (3, 3) for each surface: two axes of its plane, and the direction of its heights.
     gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
     exact : True if the surfaces run through edges, or so near that all digits of the poles matter.
-    astray : excess over the allowed distance from the mesh; -inf without a limit.
-    """
+    astray : excess over the allowed distance from the mesh; -inf without a limit."""
 
     loops: list[ChainLoop]
     outer: Floats

@@ -74,14 +74,9 @@ def _places(model: NetModel, face: TrimmedFace) -> Floats:
     return np.asarray(P[inside_outlines(P, [loop_samples(model, loop) for loop in face.loops])])
 
 
-SAMPLES = 23
-"""Number of points along an edge, ends included, at which OCCT measures the gap."""
-
-BETWEEN = 8
-"""Number of steps between two of OCCT's points; the gap is measured at each step."""
-
-SLOPE_STEP = 1e-3
-"""Distance (mm) of two points that determine the slope of a surface."""
+SAMPLES = 23  # number of points along an edge, ends included, at which OCCT measures the gap
+BETWEEN = 8  # number of steps between two of OCCT's points; the gap is measured at each step
+SLOPE_STEP = 1e-3  # distance (mm) of two points that determine the slope of a surface
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:

@@ -27,11 +27,8 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-TRIED = 24
-"""Number of chords to try; half of these begin where the gap is widest."""
-
-POINTS = 8
-"""Number of points of the outline along half an edge."""
+TRIED = 24  # number of chords to try; half of these begin where the gap is widest
+POINTS = 8  # number of points of the outline along half an edge
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +90,7 @@ def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
     return bool((apart >= clear * np.minimum(shares, 1 - shares) * np.linalg.norm(b - a)).all())
 
 
-TRIAL_DEGREE = 6
-"""Degree of the surfaces that are fitted to compare seams."""
+TRIAL_DEGREE = 6  # degree of the surfaces that are fitted to compare seams
 
 TIMES = 3
 """Largest factor of the number of seams to try. If the usual number does not help enough, more seams are tried, and

@@ -13,17 +13,10 @@ from dsfab.export.cad.step.shared.skins import DenseSurface, dense_surface
 from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, corner_fans, link_components
 
-LEAST_BEND = 8.0
-"""Smallest angle (degrees) between the faces at an edge of a crease. One edge of each crease must bend by `CREASE`."""
-
-BEND_RATIO = 4.0
-"""Smallest ratio of the bend of a crease to the bend of the edges beside the crease."""
-
-STRAIGHT = np.cos(np.radians(30.0))
-"""Cosine of the largest turn between the end of a crease and the edge that continues the crease."""
-
-OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]
-"""The two other edges of a face, for each of its three edges."""
+LEAST_BEND = 8.0  # smallest angle (degrees) between faces at a crease; one edge of each crease bends by `CREASE`
+BEND_RATIO = 4.0  # smallest ratio of the bend of a crease to the bend of the edges beside the crease
+STRAIGHT = np.cos(np.radians(30.0))  # cosine of the largest turn from the end of a crease to the edge that continues it
+OTHER_EDGES = [[1, 2], [2, 0], [0, 1]]  # the two other edges of a face, for each of its three edges
 
 
 def crease_edges(surface: Surface) -> Bools:
@@ -71,8 +64,7 @@ def _extended_creases(surface: Surface, bend: Floats, inner: Bools, crease: Bool
     return crease
 
 
-ZERO_WEIGHT = 1e-9
-"""Barycentric weights below this count as zero."""
+ZERO_WEIGHT = 1e-9  # barycentric weights below this count as zero
 
 
 @dataclass(frozen=True, eq=False)
@@ -260,8 +252,7 @@ class Lifting:
     def _in_faces(self, weights: csr_array) -> csr_array:
         """Replace points between two faces beside a crease by the nearest places in a face.
 
-        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain.
-        """
+        Without this step the side of such points is unknown, and they were up to 1.4 mm off the rest of their chain."""
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights

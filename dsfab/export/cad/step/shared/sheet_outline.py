@@ -12,11 +12,8 @@ from dsfab.export.cad.step.planar import cut_apart
 from dsfab.export.part import DividedSheet
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
-SHARP = np.deg2rad(35.0)
-"""A wall has a corner at a vertex with at least this turn (radians)."""
-
-WALL = -1
-"""Number in place of a chart, where a wall ends the chart."""
+SHARP = np.deg2rad(35.0)  # a wall has a corner at a vertex with at least this turn (radians)
+WALL = -1  # number in place of a chart, where a wall ends the chart
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,8 +21,7 @@ class OutlineRun:
     """Part of an outline.
 
     vertices : (k,) in order, the material on their left.    beyond : chart on the other side, or `WALL`.
-    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width.
-    """
+    width    : width of the loop, mm: twice its area over its length, which is a circle's radius or a slit's width."""
 
     vertices: Ints
     beyond: int

@@ -45,8 +45,7 @@ class DenseSurface:
     def half_vectors(self) -> Floats:
         """(n, 3) vectors from the middle to a skin along the mean normals.
 
-        Other normals lean a little to one side, which makes a skin uneven.
-        """
+        Other normals lean a little to one side, which makes a skin uneven."""
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
@@ -101,8 +100,7 @@ def chord_errors(skins: DenseSurface) -> Floats:
     """Return the (m,) distance of each triangle's centre from the smooth surface through its corners, metres.
 
     At the centre the distance is a third more than at the middles of the edges. For equilateral triangles with edges h
-    on a sphere of radius R it is h^2 / 6R at the centre, and h^2 / 8R at the middles.
-    """
+    on a sphere of radius R it is h^2 / 6R at the centre, and h^2 / 8R at the middles."""
     V, edges = skins.surface.V, skins.surface.edges
     sags = np.linalg.norm(cubic_midpoints(V, skins.normals, edges.ends) - end_means(V, edges.ends), axis=1)
     return np.asarray(4 / 3 * sags[edges.of].max(axis=1))
@@ -112,8 +110,7 @@ def excess_volumes(skins: DenseSurface, curved: Curved) -> Floats:
     """Return the (m,) share by which the smooth solid over each triangle is larger than the mesh's prism.
 
     The area is larger, and so is the thickness between vertices with different normals. The error is proportional to
-    the square of the edges, so a third of the difference remains after each triangle is divided in four.
-    """
+    the square of the edges, so a third of the difference remains after each triangle is divided in four."""
     coarse, D = prisms(skins.middle, skins.half_vectors, skins.surface.F), MM_PER_M * curved.D
     fine = skins.finer
     parts = np.bincount(fine.parent, prisms(fine.middle, fine.half_vectors, fine.surface.F), skins.surface.m)
@@ -129,26 +126,19 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
     return np.asarray(np.einsum("mi,mi->m", across, D[a] + D[b] + D[c]) / 3)
 
 
-GAP_SHARE = 1 / 20
-"""Widest accepted gap between a skin and its edges, as a share of the thickness."""
-
-OUTLINE_SHARE = 0.55
-"""Tolerance of outlines, as a share of the allowed distance from the mesh."""
-
-LOOP_SHARE = 0.03
-"""Largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross."""
+GAP_SHARE = 1 / 20  # widest accepted gap between a skin and its edges, as a share of the thickness
+OUTLINE_SHARE = 0.55  # tolerance of outlines, as a share of the allowed distance from the mesh
+LOOP_SHARE = 0.03  # largest tolerance of a loop, as a share of its width, because the sides of a slit must not cross
 
 
 def decimals(thickness: float) -> int:
     """Return the number of decimals that coordinates (mm) need, so that rounding is small compared with the
-    thickness (mm).
-    """
+    thickness (mm)."""
     rounding = 3e-5
     return int(np.clip(np.ceil(-np.log10(rounding * thickness)), 2, 6))
 
 
-MOST_CHORD = 1 / 4
-"""Largest chord error that counts, as a share of the thickness, because the estimate is wrong at creases."""
+MOST_CHORD = 1 / 4  # largest chord error that counts, over the thickness, because the estimate is wrong at creases
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,8 +147,7 @@ class SmoothLimits:
 
     V, F    : (n, 3) and (m, 3) triangles of both skins of the uncut surface.
     chord   : (m,) chord error of these triangles.
-    rounder : (m,) share by which the volume over them may be larger, because the mesh cuts curves short.
-    """
+    rounder : (m,) share by which the volume over them may be larger, because the mesh cuts curves short."""
 
     thickness: float
     distance: float
@@ -185,8 +174,7 @@ class SmoothLimits:
     def allowed_distances(self, points: Floats) -> Floats:
         """(k,) allowed distances of points, with the chord error of the nearest triangle.
 
-        The nearest vertex is not enough, because it may belong to another triangle where triangles are long.
-        """
+        The nearest vertex is not enough, because it may belong to another triangle where triangles are long."""
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
@@ -203,8 +191,7 @@ class SmoothLimits:
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> SmoothLimits:
     """Return the limits for a solid cut from a surface. tolerance : of the user, mm; 0 means `OFF_SURFACE`.
 
-    The exporter and `dsfab check` use the same limits.
-    """
+    The exporter and `dsfab check` use the same limits."""
     mesh = dense_surface(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))
     chord = np.minimum(MM_PER_M * chord_errors(mesh), MOST_CHORD * t)

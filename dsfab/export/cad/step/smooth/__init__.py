@@ -4,6 +4,5 @@ chart_fields : division of the surface into charts that project onto a plane wit
 charts : both skins over each chart, as splines through sample points.
 edges  : the outlines as curves on the skins.
 solid  : faces with shared edges, piece by piece, and the STEP text.
-acceptance : layouts of charts, and comparison of OCCT's findings with the mesh.
-build  : the sequence of building, checking by OCCT (`worker.pieces`), refitting, and facets for refused pieces.
+build  : layouts of charts; pieces are built, checked by OCCT (`worker.pieces`) and the mesh, refitted, or else faceted.
 """

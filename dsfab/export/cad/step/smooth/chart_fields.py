@@ -12,12 +12,10 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.core.sparse.cholesky import one_blas_thread
 from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import link_components
 
-CONE_SLACK = np.deg2rad(12.0)
-"""Angle (radians) by which a chart may exceed its cone, because straight borders give it faces that it sees steeply."""
-
-REACH = 0.25
-"""Length over which the fields of charts diffuse, as a share of the radius of small charts."""
+CONE_SLACK = np.deg2rad(12.0)  # angle beyond its cone that a chart may have: straight borders give it steep faces
+REACH = 0.25  # length over which the fields of charts diffuse, as a share of the radius of small charts
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
@@ -26,16 +24,14 @@ SYMMETRIC: dict[str, Any] = {
 }
 """SuperLU options for factors of symmetric matrices with fewer entries."""
 
-SWEEPS = 4
-"""Number of rounds of diffusion and choice of charts."""
+SWEEPS = 4  # number of rounds of diffusion and choice of charts
 
 
 def chart_fields(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
     """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
     cone : largest angle (radians) between the normals of a cluster of faces and their mean.
-    fewest : smallest number of charts; start : seed, another number gives another layout.
-    """
+    fewest : smallest number of charts; start : seed, another number gives another layout."""
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
         return np.ones((surface.n, 1))
@@ -145,8 +141,7 @@ def _diffused_fields(surface: Surface, label: Ints, share: float) -> Floats:
 def _parts(surface: Surface, label: Ints) -> Ints:
     f, g = (surface.edges.pairs // 3).T
     is_joined = label[f] == label[g]
-    links = coo_array((np.ones(int(is_joined.sum())), (f[is_joined], g[is_joined])), shape=(surface.m, surface.m))
-    return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))
+    return link_components(surface.m, f[is_joined], g[is_joined])[1]
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:

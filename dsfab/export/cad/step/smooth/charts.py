@@ -78,17 +78,10 @@ class SplinePatch:
         return uv
 
 
-SMOOTHING = 1e-5
-"""Weight of the differences between poles, against the distances from points."""
-
-FEWEST_POLES, MOST_POLES = 6, 48
-"""Smallest and largest number of poles of a fit in one direction."""
-
-FEW_POLES = 24
-"""A chart with more poles in one direction is divided once, because OCCT searches all poles for a projection."""
-
-FIRST_POLES = 8.0
-"""Number of poles of the first attempt: geometric mean of both directions."""
+SMOOTHING = 1e-5  # weight of the differences between poles, against the distances from points
+FEWEST_POLES, MOST_POLES = 6, 48  # smallest and largest number of poles of a fit in one direction
+FEW_POLES = 24  # a chart with more poles in one direction is divided once, because OCCT's projection searches all poles
+FIRST_POLES = 8.0  # number of poles of the first attempt: geometric mean of both directions
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,8 +134,7 @@ def patch_through(
 ) -> tuple[SplinePatch, Floats]:
     """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2); return it and its points at uv.
 
-    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
-    """
+    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -164,8 +156,7 @@ class _Cells:
 
     Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
     order : (k,) points, cell after cell; start : first index of each cell in `order`.
-    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order.
-    """
+    poles : (c, 16) poles of each cell; hats (k, 16) values of the basis functions at the points in that order."""
 
     order: Ints
     start: Ints
@@ -302,11 +293,9 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-HALVED = 4
-"""Largest number of divisions of a chart."""
+HALVED = 4  # largest number of divisions of a chart
 
-STEEPEST = np.cos(np.deg2rad(80.0))
-"""Smallest cosine between normals of a chart and its axis; a steeper chart is divided between opposite normals."""
+STEEPEST = np.cos(np.deg2rad(80.0))  # smallest cosine of a chart's normals and its axis; steeper charts are divided
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,8 +306,7 @@ class SkinChart:
     upper, lower, middle : surfaces of the skins, and of their middle, over the plane.
     tolerance    : of the fit; larger on a coarse mesh.
     steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
-    off          : largest distance of a skin from its points.
-    """
+    off          : largest distance of a skin from its points."""
 
     origin: Floats
     axes: Floats
@@ -343,8 +331,7 @@ class ChartAtlas:
     """Charts of a surface, fitted on demand.
 
     fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
-    charts : by number, without charts that no spline follows; `failed` holds the reasons.
-    """
+    charts : by number, without charts that no spline follows; `failed` holds the reasons."""
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
         self.surface, self.fields, self.tolerance = surface, fields, tolerance

@@ -65,8 +65,7 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> OutlineNodes:
     return nodes
 
 
-LEVEL_FACTORS = (1.0, 0.2, 0.04)
-"""Factors of the tolerance of a run: before any refusal, after one, and after two refusals."""
+LEVEL_FACTORS = (1.0, 0.2, 0.04)  # factors of a run's tolerance: before any refusal, after one, and after two refusals
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,8 +76,7 @@ class SmoothEdge:
     upper, lower : cubics with equal knots, or lines.
     flat         : by chart, the curve in the plane of the chart.
     gap          : largest distance between the curves in space and the curves on the skins, millimetres.
-    wall         : True under a wall, False where two charts meet.
-    """
+    wall         : True under a wall, False where two charts meet."""
 
     start: int
     end: int
@@ -144,8 +142,7 @@ def wall_edges(requests: list[RunRequest], nodes: OutlineNodes, allowed: EdgeTol
 def _on_skins(parts: list[_RunPart], nodes: OutlineNodes, tolerances: list[float]) -> list[Fitted]:
     """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
 
-    A skin may wave along a simple plane curve; then more samples are taken.
-    """
+    A skin may wave along a simple plane curve; then more samples are taken."""
     results, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in (1, 4, 16):  # factors of the number of samples, until the curve is close enough
         x = [parameters(parts[i].flat, finer) for i in todo]
@@ -223,8 +220,7 @@ def edge_on_nodes(
 
 T = TypeVar("T")
 
-RunKey = tuple[int, int, int, int]
-"""First two and last two vertices of a run."""
+RunKey = tuple[int, int, int, int]  # first two and last two vertices of a run
 
 
 def seam_edges(

@@ -56,8 +56,7 @@ class SmoothPiece:
     """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
 
     traced : True if edges are also written with their curves on skins and walls.
-    refused : reason why the piece is no single closed shell, or ''.
-    """
+    refused : reason why the piece is no single closed shell, or ''."""
 
     edges: list[SmoothEdge] = field(default_factory=list)
     keys: list[RunKey] = field(default_factory=list)
@@ -150,8 +149,7 @@ def _polygon(owner: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int)
     return np.concatenate([poles[:-1] for poles in pole_rows])
 
 
-ROUNDED = 1e-9
-"""Points nearer to a chord than this share of the chord's length lie on the chord."""
+ROUNDED = 1e-9  # points nearer to a chord than this share of the chord's length lie on the chord
 
 
 def crossings(piece: SmoothPiece) -> Floats:
@@ -324,8 +322,7 @@ class SmoothPieceFile:
     pieces  : number of pieces of the sheet; smooth : number of accepted pieces.
     gap     : widest gap of accepted pieces, mm; there, back : largest distances from the mesh and back.
     volume  : of all smooth solids according to OCCT, cubic millimetres.
-    refused : reason why pieces were refused, or ''.
-    """
+    refused : reason why pieces were refused, or ''."""
 
     text: str
     pieces: int

@@ -3,15 +3,20 @@
 Each finding holds `valid`, `closed`, `tessellates`, `faces`, `volume` (mm3), `box` (its lowest and highest corner),
 `gap` (mm: measured largest distance between an edge and its curve on a face, whatever its tolerance) and `bad`, the
 ends (k, 3) of crossing edges. An invalid solid gets no triangles, and a solid without triangles gets no volume, because
-triangles and volumes take most of the time.
-"""
+triangles and volumes take most of the time."""
 
+import ctypes
+import json
+import os
+import signal
+import sys
+from array import array
 from collections.abc import Callable
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
-from dsfab.export.cad.step.worker.forks import ForkedWork, map_with_fork
 from dsfab.export.cad.step.worker.shapes import (
     bounds,
     diagonal,
@@ -24,6 +29,57 @@ from dsfab.export.cad.step.worker.shapes import (
 )
 from dsfab.export.cad.step.worker.triangles import draw, keep_drawn
 from dsfab.export.cad.step.worker.volume import VOLUME, volume
+
+CAN_FORK = sys.platform == "linux"  # true if the process can be forked safely
+
+
+class ForkedWork:
+    """Work in a fork of this process; a call returns its result, which must be JSON."""
+
+    def __init__(self, work: Callable[[], Any]) -> None:
+        self._result, write_end = os.pipe()
+        self._copy = os.fork()
+        if not self._copy:
+            self._run(work, write_end)
+        os.close(write_end)
+
+    @staticmethod
+    def _run(work: Callable[[], Any], to: int) -> None:
+        try:
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: the fork ends with its parent
+            with os.fdopen(to, "w") as pipe:
+                json.dump(work(), pipe)
+        finally:
+            os._exit(0)
+
+    def __call__(self) -> Any:
+        with os.fdopen(self._result) as pipe:
+            text = pipe.read()
+        os.waitpid(self._copy, 0)
+        return json.loads(text)
+
+    def stop(self) -> None:
+        """End the fork without its result."""
+        os.close(self._result)
+        os.kill(self._copy, signal.SIGKILL)
+        os.waitpid(self._copy, 0)
+
+
+def map_with_fork(work: Callable[[int], Any], count: int) -> list[Any]:
+    """Return `work` of 0, 1 ... count - 1; this process and a fork each take the next number when free."""
+    numbers, issue = os.pipe()
+    os.write(issue, array("I", range(count)).tobytes())
+    os.close(issue)
+    share = partial(_share, work, numbers)
+    copy = ForkedWork(share)
+    results = share() + copy()
+    os.close(numbers)
+    return [result for _, result in sorted(results, key=itemgetter(0))]
+
+
+def _share(work: Callable[[int], Any], numbers: int) -> list[tuple[int, Any]]:
+    return [(i, work(i)) for (i,) in iter(lambda: array("I", os.read(numbers, 4)).tolist(), [])]
+
 
 REPAIRS = (
     *("Orientation", "ShellOrientation", "FaceOrientation", "Reorder", "Shifted", "Connected", "VertexPosition"),
@@ -40,8 +96,7 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
     deflection : mm, of the triangles that become `0.stl`, `1.stl` ... in the folder.
     copies     : True if forks share the work. It must be False after OCCT made triangles, because a fork would then
-                 wait for threads that it does not have.
-    """
+                 wait for threads that it does not have."""
     reader = _reader(path)
     if reader is None:
         return []
@@ -56,8 +111,7 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
 
     The triangles are those of `dsfab check`. The reader of `dsfab check` also repairs, but a valid file needs no
     repair. If every face has triangles, the folder gets the triangles and the shape as from `write_triangles`. With
-    `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel.
-    """
+    `copies` this happens before all findings are complete, so that the caller can use the triangles in parallel."""
     reader = _reader(path)
     if reader is None or not reader.TransferRoots():
         return []
@@ -142,8 +196,7 @@ def _triangulates(deflection: float, solid: Any) -> bool:
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Return True if every face gets triangles, by Delabella's sweep or otherwise by OCCT's own method.
 
-    For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles.
-    """
+    For a skin with hundreds of holes the sweep takes a quarter of the time and gives equally good triangles."""
     angle = 0.5  # neighbouring triangles turn by at most 0.5 radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters

@@ -18,7 +18,7 @@ from typing import Any
 
 
 def _facts(path: str) -> dict[str, Any]:
-    from dsfab.export.cad.step.worker.facts import step_facts
+    from dsfab.export.cad.step.worker.shapes import step_facts
 
     return step_facts(Path(path))
 
@@ -42,8 +42,7 @@ def _sample(path: str) -> dict[str, Any]:
 
 
 def _pieces(path: str, folder: str = "", deflection: str = "0", together: str = "") -> dict[str, Any]:
-    from dsfab.export.cad.step.worker.forks import CAN_FORK
-    from dsfab.export.cad.step.worker.pieces import solid_findings, whole_findings
+    from dsfab.export.cad.step.worker.pieces import CAN_FORK, solid_findings, whole_findings
 
     return {"solids": (whole_findings if together else solid_findings)(path, folder, float(deflection), CAN_FORK)}
 

@@ -15,8 +15,7 @@ from dsfab.core.errors import ExportError
 from dsfab.export.cad.step.worker import program as occt_program
 from dsfab.export.subprocesses import PreparedProgram, ProgramError, last_line
 
-SECONDS, SECONDS_PER_MB = 60.0, 10.0
-"""Limits of the time for reading: a constant part, and seconds per megabyte."""
+SECONDS, SECONDS_PER_MB = 60.0, 10.0  # limits of the time for reading: a constant part, and seconds per megabyte
 
 
 def occt_report(command: str, *arguments: str, seconds: float) -> dict[str, Any]:
@@ -30,8 +29,7 @@ class StepMesh:
 
     face       : (m,) face of each triangle, counted through all solids.
     deflection : largest distance of the triangles from curved faces, millimetres.
-    shape      : OCCT's binary shape (`.bin`).
-    """
+    shape      : OCCT's binary shape (`.bin`)."""
 
     V: Floats
     F: Ints
@@ -44,8 +42,7 @@ class StepMesh:
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
 
-    deflection : largest distance from curved faces, mm; a share of the solids' size if 0.
-    """
+    deflection : largest distance from curved faces, mm; a share of the solids' size if 0."""
     with tempfile.TemporaryDirectory() as folder:
         return mesh_in(folder, _drawn(path, folder, *((str(deflection),) if deflection else ())))
 
@@ -53,8 +50,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, without reading the file.
 
-    faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long.
-    """
+    faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long."""
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)
@@ -77,8 +73,7 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 def mesh_in(folder: str, facts: dict[str, float], shape: bytes = b"") -> StepMesh:
     """Read the triangles that a program wrote to a folder; raises OSError if there are none.
 
-    facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default.
-    """
+    facts : `deflection` and perhaps `solids`.    shape : OCCT's binary shape; read from the folder by default."""
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         solids = int(facts["solids"] if "solids" in facts else mesh["solids"])
@@ -124,8 +119,7 @@ def findings(
     deflection   : largest distance of the triangles from the solid, millimetres.
     on_triangles : if given, OCCT judges the solids together, and the findings contain no triangles. If every face has
                    triangles, this function gets the triangles of all solids, as from `read_step`, while OCCT continues.
-                   OCCT then reads the file only once, which is half of OCCT's time.
-    """
+                   OCCT then reads the file only once, which is half of OCCT's time."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")

@@ -1,8 +1,7 @@
 """OCCT's triangles of the solids in a STEP file.
 
 `mesh.npz` holds V (n, 3) millimetres, F (m, 3) counter-clockwise from outside, and the face (m,) of each triangle,
-counted through all solids. Neighbouring faces share no vertices. `shape.bin` is OCCT's binary shape.
-"""
+counted through all solids. Neighbouring faces share no vertices. `shape.bin` is OCCT's binary shape."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,16 +11,14 @@ import numpy as np
 
 from dsfab.export.cad.step.worker.shapes import compound, diagonal, faces_of, parts, read, write_binary
 
-DEFLECTION_SHARE = 1e-4
-"""Default deflection, as a share of the diagonal of the bounding box."""
+DEFLECTION_SHARE = 1e-4  # default deflection, as a share of the diagonal of the bounding box
 
 
 def write_triangles(path: Path, folder: Path, deflection: float = 0.0, faces: str = "") -> dict[str, Any]:
     """Read a STEP or `.bin` file and write `mesh.npz` to a folder, and `shape.bin` unless the file is binary.
 
     faces : a `.npy` file of face numbers to draw. Returns the number of solids and the deflection; raises ValueError if
-            OCCT cannot read the file.
-    """
+            OCCT cannot read the file."""
     shape = read(path)
     if path.suffix != ".bin":
         write_binary(shape, folder / "shape.bin")
@@ -34,8 +31,7 @@ def triangles_of(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple
     """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all faces; number of solids and deflection.
 
     deflection : `DEFLECTION_SHARE` of the size if 0. Selected faces are drawn together, so that neighbours share the
-                 points of their edges.
-    """
+                 points of their edges."""
     solids, deflection = parts(shape, "SOLID"), deflection or DEFLECTION_SHARE * diagonal(shape)
     faces = [face for solid in solids for face in faces_of(solid)]
     numbers = list(range(len(faces)) if only is None else map(int, only))

@@ -10,11 +10,8 @@ from typing import Any, NamedTuple
 
 from dsfab.export.cad.step.worker.shapes import bounds, compound, faces_of, gauss_kronrod_volume, is_valid, parts, read
 
-TOGETHER_LIMIT = 1e-5
-"""Largest relative error of the volume of two halves that are measured together, see `VolumeErrors`."""
-
-ALONE_LIMIT = 1e-4
-"""Largest relative error of the volume of two halves that are measured separately, as CAD programs do."""
+TOGETHER_LIMIT = 1e-5  # largest relative error of the volume of two halves measured together, see `VolumeErrors`
+ALONE_LIMIT = 1e-4  # largest relative error of the volume of two halves measured separately, as CAD programs do
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
@@ -22,17 +19,12 @@ PLANES = (
 )
 """Cutting planes: normal, and distance from the middle of the box as a share of its diagonal."""
 
-BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))
-"""Two corners of the box for a cut, as shares of the solids' box."""
+BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))  # two corners of the box for a cut, as shares of the solids' box
 
-FILLETS, SHARP = 10, 20.0
-"""Largest number of edges that are rounded, and smallest angle (degrees) between the faces of such an edge."""
+FILLETS, SHARP = 10, 20.0  # largest number of rounded edges, and smallest angle (degrees) between faces at such an edge
 
-ROUND, OF_EDGE = 10.0, 1 / 8
-"""Radius of a fillet in mm, and its largest value as a share of the edge."""
-
-SMOOTH = cos(radians(1.0))
-"""Cosine of the largest angle at which one edge continues another edge."""
+ROUND, OF_EDGE = 10.0, 1 / 8  # radius of a fillet in mm, and its largest value as a share of the edge
+SMOOTH = cos(radians(1.0))  # cosine of the largest angle at which one edge continues another edge
 
 
 def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, Any]:
@@ -82,8 +74,7 @@ def use_findings(path: Path, cuts: int, every_cut: bool = False) -> dict[str, An
 def sample(path: Path) -> dict[str, Any]:
     """Return the result of one cut through the middle of a file: `box`, `halves` (True if valid), `off` (as `missed`).
 
-    Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time.
-    """
+    Volumes are measured last, and only for valid halves, because volumes of smooth solids take most of the time."""
     begin = time.process_time()
     shape = read(path)
     box = bounds(shape)
@@ -179,8 +170,7 @@ def _box(box: list[float]) -> Any:
 def _split(shape: Any, tool: Any) -> list[Any]:
     """Return the parts inside and outside of a tool, or [] if a part is invalid.
 
-    Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long.
-    """
+    Both parts are cells of one subdivision. Two booleans gave equal volumes but took up to 1.4 times as long."""
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
 

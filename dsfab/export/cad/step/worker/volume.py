@@ -1,7 +1,6 @@
 """OCCT's volume of a solid: by its adaptive rule, but by Green's theorem for faces with many edges.
 
-For a dome of 1082 faces this takes 1.2 s of processor time, and OCCT's rule alone 2.7 s; both agree to ten digits.
-"""
+For a dome of 1082 faces this takes 1.2 s of processor time, and OCCT's rule alone 2.7 s; both agree to ten digits."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -12,11 +11,8 @@ from numpy.polynomial import legendre
 
 from dsfab.export.cad.step.worker.shapes import faces_of, parts
 
-VOLUME = 1e-3
-"""Relative error that the adaptive rule must reach by its own estimate; the real error was a hundredth of this."""
-
-MANY_EDGES = 16
-"""Smallest number of edges of a face for Green's theorem; OCCT's rule is faster for faces with ten edges."""
+VOLUME = 1e-3  # relative error that the adaptive rule must estimate for itself; the real error was a hundredth of this
+MANY_EDGES = 16  # smallest number of edges of a face for Green's theorem; OCCT's rule is faster for ten edges
 
 
 class PlaneSpline(NamedTuple):
@@ -46,8 +42,7 @@ def _cone(face: Any, about: Any) -> float:
     """Volume in cubic millimetres between a face and a point, positive if the point lies behind the face.
 
     The time of OCCT's adaptive rule grows with the edges of a face times the poles of its surface; for many edges
-    `_cone_on_spline` is three times as fast. OCCT's plain rule is off by up to 1 % on faces with many holes.
-    """
+    `_cone_on_spline` is three times as fast. OCCT's plain rule is off by up to 1 % on faces with many holes."""
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation
     from OCP.TopoDS import TopoDS
@@ -95,8 +90,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: integrate G dv along the
     outline, where G is the integral of f over u.
 
-    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1, integrated in Legendre's basis.
-    """
+    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1, integrated in Legendre's basis."""
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
     p, q = 3 * surface.UDegree(), 3 * surface.VDegree()

@@ -2,7 +2,7 @@
 
 import importlib.util
 import uuid
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -17,17 +17,21 @@ from dsfab.export.cad.step.entities import StepEntities, piece_name, step_string
 from dsfab.export.members import MemberFacts, facts_of_members
 from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import Details, MemberShape, Part
-from dsfab.export.readback import ReadBack, check_mesh, check_shapes, count_error, layer_colour
+from dsfab.export.readback import ReadBack, check_mesh, check_shapes, layer_colour
 from dsfab.export.writing import comma_separated_rows, one_line
 from dsfab.surface import link_components, signed_volume, total_area
 
 PLATE_SETS = {
-    "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
-    "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
+    "Qto_PlateBaseQuantities": ("Width", "NetVolume", "NetWeight"),
+    "Dsfab_PieceQuantities": ("NetSurfaceArea",),
 }
-"""Quantities of a plate and their kinds, by set; the width of the first, the standard's set, is the thickness."""
-Naming = Callable[[str], str]
-"""A function from a word to an IFC identifier."""
+"""Quantities of a plate by set; the width of the first, the standard's set, is the thickness."""
+KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
+for _kind in ("Area", "Volume", "Weight"):
+    KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
+KINDS["NetSurfaceArea"] = "AREA"
+"""Kinds of quantities by their names."""
+Naming = Callable[[str], str]  # a function from a word to an IFC identifier
 
 
 class Place(NamedTuple):
@@ -97,7 +101,7 @@ def _on_site(entities: StepEntities, context: int, origin: tuple[float, float, f
     entities.add(f"IFCMAPCONVERSION(#{context},#{survey},{east},{north},{up},1.,0.,{real(1 / MM_PER_M)})")
 
 
-def surface_style(entities: StepEntities, name: str, colour: tuple[float, float, float]) -> int:
+def surface_style(entities: StepEntities, name: str, colour: Sequence[float]) -> int:
     """Add a named colour (values from 0 to 1); return the number of its entity."""
     red, green, blue = map(real, colour)
     rgb = entities.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
@@ -167,15 +171,17 @@ def element(
         f"#{place.part},#{product},$,.SHEET.)"
     )
     for title, keys in PLATE_SETS.items():
-        values = [
-            entities.add(f"IFCQUANTITY{keys[key]}('{key}',$,$,{real(value)},$)")
-            for key, value in amounts.items()
-            if key in keys
-        ]
-        set_id = naming(f"{title} {i}")
-        quantities = entities.add(f"IFCELEMENTQUANTITY('{set_id}',$,'{title}',$,$,({_references(values)}))")
-        entities.add(f"IFCRELDEFINESBYPROPERTIES('{naming(f'{title} measured {i}')}',$,$,$,(#{plate}),#{quantities})")
+        ids = naming(f"{title} {i}"), naming(f"{title} measured {i}")
+        _add_quantity_set(entities, plate, title, {key: amounts[key] for key in amounts if key in keys}, ids)
     return plate
+
+
+def _add_quantity_set(
+    entities: StepEntities, owner: int, title: str, amounts: Mapping[str, float], ids: tuple[str, str]
+) -> None:
+    values = [entities.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in amounts.items()]
+    quantities = entities.add(f"IFCELEMENTQUANTITY('{ids[0]}',$,'{title}',$,$,({_references(values)}))")
+    entities.add(f"IFCRELDEFINESBYPROPERTIES('{ids[1]}',$,$,$,(#{owner}),#{quantities})")
 
 
 def face_set(entities: StepEntities, V: Floats, corners: Ints, style: int) -> int:
@@ -196,8 +202,7 @@ def real(value: float) -> str:
 
 
 MM2, MM3 = MM_PER_M**2, MM_PER_M**3
-PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")
-"""Namespace of the identifiers in IFC files."""
+PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")  # namespace of the identifiers in IFC files
 
 
 def require_ifcopenshell() -> None:
@@ -246,10 +251,7 @@ def identifier(name: str, what: str) -> str:
 
 def check(part: Part, path: Path) -> ReadBack:
     """Read the file back with ifcopenshell: it must have millimetres, all triangles, closed bodies and the volume."""
-    V, F = _arrays(millimetre_model(part, path))
-    if not len(F):
-        raise count_error(part, "triangles", len(part.F), 0)
-    return check_mesh(part, V, F)
+    return check_mesh(part, *joined_face_sets(millimetre_model(part, path).by_type("IfcTriangulatedFaceSet")))
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
@@ -267,10 +269,6 @@ def millimetre_model(part: Part, path: Path) -> Any:
     return model
 
 
-def _arrays(model: Any) -> tuple[Floats, Ints]:
-    return joined_face_sets(model.by_type("IfcTriangulatedFaceSet"))
-
-
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
     """Join face sets of ifcopenshell into one mesh, V (n, 3) and F (m, 3)."""
     points, faces, offset = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
@@ -281,12 +279,6 @@ def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
     return np.concatenate(points), np.concatenate(faces)
 
 
-KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
-for _kind in ("Area", "Volume", "Weight"):
-    KINDS |= {f"Net{_kind}": _kind.upper(), f"Gross{_kind}": _kind.upper()}
-"""Kinds of quantities by their names."""
-
-
 def encode_members(part: Part) -> Iterator[bytes]:
     """Yield project, site and building, then each member; equal parts give equal bytes."""
     entities, details = StepEntities(1), part.details
@@ -295,7 +287,7 @@ def encode_members(part: Part) -> Iterator[bytes]:
     place = building(entities, part.name, details, naming)
     facts = facts_of_members(part)
     layers = dict.fromkeys(shape.layer for shape in details.shapes)
-    styles = {name: surface_style(entities, name, _tint(name)) for name in layers}
+    styles = {name: surface_style(entities, name, [round(x / 255, 3) for x in layer_colour(name)]) for name in layers}
     shown: dict[str, list[int]] = {name: [] for name in layers}
     elements = []
     for shape in details.shapes:
@@ -334,11 +326,6 @@ def _shells(shape: MemberShape) -> Iterator[tuple[Floats, Ints]]:
         if len(shell_faces):
             used, corner = np.unique(shell_faces, return_inverse=True)
             yield shape.V[used], corner.reshape(-1, 3)
-
-
-def _tint(layer: str) -> tuple[float, float, float]:
-    red, green, blue = (round(x / 255, 3) for x in layer_colour(layer))
-    return red, green, blue
 
 
 def _references(numbers: list[int]) -> str:
@@ -380,14 +367,8 @@ def _add_quantities(
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, set_amounts in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
-        values = [
-            entities.add(f"IFCQUANTITY{KINDS[key]}('{key}',$,$,{real(value)},$)") for key, value in set_amounts.items()
-        ]
-        set_id = naming(f"{name} of {shape.id}")
-        quantity_set = entities.add(f"IFCELEMENTQUANTITY('{set_id}',$,'{name}',$,$,({_references(values)}))")
-        entities.add(
-            f"IFCRELDEFINESBYPROPERTIES('{naming(f'measured {name} of {shape.id}')}',$,$,$,(#{member}),#{quantity_set})"
-        )
+        ids = naming(f"{name} of {shape.id}"), naming(f"measured {name} of {shape.id}")
+        _add_quantity_set(entities, member, name, set_amounts, ids)
 
 
 def _add_facts(entities: StepEntities, member: int, facts: MemberFacts, naming: Naming) -> None:

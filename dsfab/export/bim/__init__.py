@@ -1,1 +1,0 @@
-"""Building models: IFC4."""
