@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock
+from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock, lock_floats
 from dsfab.members.axes import MemberAxis
 from dsfab.members.components import Component, Kind
 from dsfab.slicing import Overlay, Sheet
@@ -186,8 +186,7 @@ class Node:
     area: float
 
     def __post_init__(self) -> None:
-        lock(self, "point", np.float64, (3,))
-        lock(self, "normal", np.float64, (3,))
+        lock_floats(self, point=(3,), normal=(3,))
 
 
 @dataclass(frozen=True, eq=False)

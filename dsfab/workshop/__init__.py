@@ -10,7 +10,7 @@ nesting       parts on sheets                           stock      prices and hi
 bodies        built members as bodies in space
 """
 
-from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, half_plane_clip, placed_parts, plate_arms
+from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, placed_parts, plate_arms
 from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded_plan
 from dsfab.workshop.development import Development, StripCourse, member_course
 from dsfab.workshop.files import (
@@ -24,7 +24,7 @@ from dsfab.workshop.files import (
 )
 from dsfab.workshop.layers import Layering
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nest_parts
-from dsfab.workshop.parts import FlatPart, Hole
+from dsfab.workshop.parts import FlatPart, Hole, half_plane_clip
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
 from dsfab.workshop.plates import SheetJoint, layer_numbers, sheet_parts
