@@ -65,9 +65,6 @@ class MiddleLine:
         """Return the part of the line between two of its points."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
 
-    def reverse(self) -> "MiddleLine":
-        return MiddleLine(self.points[::-1], self.normals[::-1], self.cells[::-1])
-
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
     """Return the middle lines of each stripe of field k, the longest first: the lines where its offset (m, 3) is 0.

@@ -195,11 +195,6 @@ class CornerPhase:
         """Return the phase with `factor` stripes in place of each stripe; factor is an integer."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
-    @cached_property
-    def single_valued(self) -> bool:
-        """True if one number at each vertex serves all faces."""
-        return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
-
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,), in periods, of `Flow.solve` as a phase at the corners of the faces.

@@ -91,13 +91,9 @@ def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats
     used, first_node = np.unique(label, return_index=True)
     ends = np.searchsorted(used, label[beams.ends])
     chosen = np.flatnonzero(ends[:, 0] != ends[:, 1])
-    return _used_nodes(points[first_node], beams.subset(chosen, ends), [names[k] for k in first_node])
-
-
-def _used_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    used, ends = np.unique(beams.ends, return_inverse=True)
-    every = np.arange(len(beams.ends))
-    return points[used], beams.subset(every, ends.reshape(-1, 2)), [names[k] for k in used]
+    nodes, new_ends = np.unique(ends[chosen], return_inverse=True)
+    ends[chosen] = new_ends.reshape(-1, 2)
+    return points[first_node[nodes]], beams.subset(chosen, ends), [names[k] for k in first_node[nodes]]
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:

@@ -344,8 +344,7 @@ def _bar_ends(
 
 
 def _bar(graph: MemberGraph, bay: Bay, ends: tuple[BarEnd, BarEnd], points: Floats, N: Floats) -> LatticeBar:
-    axis = graph.by_id[bay.member].axis
-    assert axis is not None
+    axis = graph.by_id[bay.member].curve
     d = points[1] - points[0]
     d = d / np.linalg.norm(d)
     normals = N - (N @ d)[:, None] * d

@@ -107,8 +107,7 @@ def becomes_bars(member: Member) -> bool:
 def _member_bays(
     graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> Iterator[_RawBay]:
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     nodes = graph.nodes_along[member.id]
     stops = [(float(node.at[node.members.index(member.id)]), node.id) for node in nodes]
     if axis.closed:
