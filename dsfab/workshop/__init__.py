@@ -7,8 +7,7 @@ plates        discs, and flat designs in pieces         parts      flat parts an
 card_models   models in card                            ground     feet and base plates of models
 bars          straight bars on node plates              planks     upright planks with slots
 nesting       parts on sheets                           stock      prices and hints
-bodies        built members as bodies in space
-"""
+bodies        built members as bodies in space"""
 
 from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, placed_parts, plate_arms
 from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded_plan

@@ -262,8 +262,7 @@ class StripLimits:
     bending : largest bending strain, at `member`.
     shape   : largest strain |K| w^2 / 12 that the Gauss curvature K of the surface causes in a strip of width w.
     limit   : strain at the material's strength; 0 if the preset has none.
-    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m).
-    """
+    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m)."""
 
     thickness: float
     bending: float

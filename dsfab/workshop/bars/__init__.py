@@ -1,8 +1,7 @@
 """Structures of straight bars between nodes, bolted on folded plates.
 
 lattice   nodes of a graph of members, and the bays between them    joints   bars in space, and their angles
-cutting   bars and plates as flat parts                             plan     the whole plan: `bar_plan`
-"""
+cutting   bars and plates as flat parts                             plan     the whole plan: `bar_plan`"""
 
 from dsfab.workshop.bars.cutting import BarStock, PlateArm, bar_part, mitre_length, plate_arms, plate_part
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar, bar_lattice
