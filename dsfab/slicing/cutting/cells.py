@@ -188,19 +188,15 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     if size == 3:
         return polygons, np.arange(g)
     P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
-    quality_of_chord = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
+    best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)
     for span in range(2, size):
         for i in range(size - span):
             j = i + span
-            worst = np.stack(
-                [
-                    np.minimum(np.minimum(quality_of_chord[i, k], quality_of_chord[k, j]), _quality(P[i], P[k], P[j]))
-                    for k in range(i + 1, j)
-                ]
-            )
+            each_apex = [(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
+            worst = np.stack([np.minimum(*qualities) for qualities in each_apex])
             apex[i, j] = i + 1 + worst.argmax(axis=0)
-            quality_of_chord[i, j] = worst.max(axis=0)
+            best[i, j] = worst.max(axis=0)
     return _chosen_triangles(polygons, apex)
 
 
@@ -241,8 +237,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction: a line closer to a vertex than this share of an edge goes through the vertex, even at snap =
-0."""
+"""Least snap fraction: a line closer to a vertex than this share of an edge goes through it, even at snap = 0."""
 TIP = 1e-3
 """Both edges of a stripe of varying width meet where they are closer than this share of a side."""
 

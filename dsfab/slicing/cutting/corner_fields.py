@@ -64,10 +64,8 @@ class PolygonField:
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
-            slot, lead_slot = (
-                3 * slot_face + mesh.corner(slot_face, support_vertex),
-                3 * lead_face + mesh.corner(lead_face, support_vertex),
-            )
+            slot = 3 * slot_face + mesh.corner(slot_face, support_vertex)
+            lead_slot = 3 * lead_face + mesh.corner(lead_face, support_vertex)
             sign[turned_slots] = field.sign.ravel()[slot] * field.sign.ravel()[lead_slot]
             shift[turned_slots] = field.shift.ravel()[slot] - sign[turned_slots] * field.shift.ravel()[lead_slot]
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, first_few, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, first_few, sorted_order
 from dsfab.core.errors import PatternError, SurfaceError
 from dsfab.slicing.cutting.cells import (
     SNAP_FLOOR,
@@ -181,8 +181,7 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
     except SurfaceError as refused:
-        a, b, c = (X[F[:, i]] for i in range(3))
-        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        areas = 0.5 * np.linalg.norm(area_vectors(X, F), axis=1)
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "

@@ -99,11 +99,6 @@ class CutLines:
         """Number of lines, which is the number of the next line."""
         return len(self.kind)
 
-    @property
-    def fillets(self) -> Floats:
-        """(f, 7) centre, unit axis and radius of each fillet, metres."""
-        return np.asarray(self.circle[self.kind == LineKind.FILLET])
-
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
         """Return the lines and `count` more of a kind; circle (count, 7) as above."""
         number = np.arange(count) + (0 if kind == LineKind.LEVEL else int((self.kind == kind).sum()))

@@ -35,16 +35,8 @@ class Split:
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
         """Return the polygons unchanged, with the active polygons (c,) in strip 0."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(
-            cells,
-            np.arange(len(cells.sizes)),
-            np.where(active, 0, -1),
-            no_index,
-            no_index,
-            no_value,
-            no_index,
-            no_value,
-        )
+        new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
+        return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
 
     def with_new_values(self, values: Floats) -> Floats:
         """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
@@ -96,10 +88,8 @@ class SideValues:
         start[which[unpaired]] = end[which[unpaired]] = y[~foreign].min(initial=0.0)
         paired, mate = which[~unpaired], mate[~unpaired]
         same_direction = a[paired] == a[mate]
-        start[paired], end[paired] = (
-            np.where(same_direction, y[mate], ends[mate]),
-            np.where(same_direction, ends[mate], y[mate]),
-        )
+        start[paired] = np.where(same_direction, y[mate], ends[mate])
+        end[paired] = np.where(same_direction, ends[mate], y[mate])
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
@@ -179,9 +169,8 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    strip = np.where(
-        highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
-    )  # right for polygons that no level cuts
+    # right for polygons that no level cuts
+    strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
     slots = cells.slots(which)

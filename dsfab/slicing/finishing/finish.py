@@ -173,7 +173,7 @@ def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pas
     """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits
-    yield _counting_pass("pinches", partial(_without_pinches, options=options))
+    yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
     if merges:
@@ -196,11 +196,6 @@ def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> t
         return sheet.with_cells(cells, **{name: count})
 
     return name, run
-
-
-def _without_pinches(cells: Sheet, options: FinishingOptions) -> tuple[Sheet, int]:
-    result = resolve_pinches(cells, options.thickness / 2, options.pinch)
-    return result.sheet, result.count
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
