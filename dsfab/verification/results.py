@@ -55,33 +55,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     else:
         values = [_value(problem, elements) for problem in problems]
         missing = "refused"
-    ratios = [None if value is None else value / test.reference for value in values]
-    rows = []
-    for k, cells in enumerate(test.cells):
-        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
-        target = test.targets.get(cells) if elements == elements_of("displacement") else None
-        value, aim = values[k], test.limit or test.reference
-        met = None if target is None else value is not None and abs(value / aim - 1) <= target
-        rows.append(
-            VerificationRow(
-                test.name,
-                mesh,
-                str(elements),
-                cells,
-                problems[k].unknowns(elements),
-                value,
-                test.reference,
-                ratios[k],
-                observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
-                test.source,
-                verdict,
-                target,
-                met,
-                test.limit,
-                None if test.limit is None or value is None else value / test.limit,
-            )
-        )
-    return rows
+    return _rows(test, mesh, str(elements), [problem.unknowns(elements) for problem in problems], values, missing)
 
 
 OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a pair of elements.
@@ -90,27 +64,26 @@ OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
     """Return the results of the test's other program for all refinements; empty without an installed program."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
-    values = [result[1] for result in results if result is not None]
-    if not values:
-        return []
-    ratios = [value / test.reference for value in values]
-    return [
-        VerificationRow(
-            test.name,
-            mesh,
-            OUTSIDE,
-            test.cells[k],
-            result[0],
-            result[1],
-            test.reference,
-            ratios[k],
-            observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
-            test.source,
-            _verdict(test, ratios[k:]),
-        )
-        for k, result in enumerate(results)
-        if result is not None
-    ]
+    solved = [result for result in results if result is not None]
+    return _rows(test, mesh, OUTSIDE, [count for count, _ in solved], [value for _, value in solved])
+
+
+def _rows(
+    test: Test, mesh: Mesh, elements: str, unknowns: Sequence[int], values: Sequence[float | None], missing: str = ""
+) -> list[VerificationRow]:
+    """Return a row for each mesh; missing : verdict without a value."""
+    ratios = [None if value is None else value / test.reference for value in values]
+    rows = []
+    for k, (value, count) in enumerate(zip(values, unknowns, strict=True)):
+        target = test.targets.get(test.cells[k]) if elements == str(elements_of("displacement")) else None
+        aim = test.limit or test.reference
+        met = None if target is None else value is not None and abs(value / aim - 1) <= target
+        rate = observed_rate(values[k - 2 : k + 1]) if k >= 2 else None
+        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
+        of_limit = None if test.limit is None or value is None else value / test.limit
+        where, result = (test.name, mesh, elements, test.cells[k]), (count, value, test.reference, ratios[k], rate)
+        rows.append(VerificationRow(*where, *result, test.source, verdict, target, met, test.limit, of_limit))
+    return rows
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:

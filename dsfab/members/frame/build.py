@@ -54,23 +54,10 @@ def frame_of(
     forces = {name: np.concatenate([force, np.zeros((len(points) - len(force), 6))]) for name, force in forces.items()}
     axis = flat_axis(surface, *loads.values())
     fixed = fixed if axis is None else fixed_in_plane(fixed, axis)
-    return Frame(
-        points,
-        distinct_names(names),
-        beams.ends,
-        _local_z(points, beams),
-        beams.width,
-        np.full(len(beams.width), thickness),
-        beams.member,
-        tuple(member.id for member in joints.members_with_axis),
-        fixed,
-        spring,
-        forces,
-        material,
-        dict(combinations),
-        beams.shift,
-        beams.stout,
-    )
+    members = tuple(member.id for member in joints.members_with_axis)
+    sections = beams.ends, _local_z(points, beams), beams.width, np.full(len(beams.width), thickness), beams.member
+    loads = forces, material, dict(combinations)
+    return Frame(points, distinct_names(names), *sections, members, fixed, spring, *loads, beams.shift, beams.stout)
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:

@@ -111,20 +111,8 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     point = np.where(ends[:, None] == 0, a[rows], b[rows])
     out = along[rows] * np.where(ends == 0, -1.0, 1.0)[:, None]
     station = plane // PLANES
-    return Sections(
-        station,
-        face,
-        length / PLANES,
-        np.stack([a - P, b - P], axis=1),
-        weight,
-        across,
-        station[rows],
-        face[rows],
-        point - P[rows],
-        weight[rows, ends],
-        across[rows],
-        out,
-    )
+    lines = station, face, length / PLANES, np.stack([a - P, b - P], axis=1), weight, across
+    return Sections(*lines, station[rows], face[rows], point - P[rows], weight[rows, ends], across[rows], out)
 
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
