@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Source
+from dsfab.app.options import UNCHANGED, Source, Switch
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import table
@@ -41,10 +41,9 @@ class Workload:
 
     scaling: Annotated[
         bool,
-        Parameter(
-            negative=(),
+        Switch(
             help="Run each preset with 10, 40 and 100 thousand vertices, by changing surface.edge; "
-            "with --stages statics also 250 and 500 thousand.",
+            "with --stages statics also 250 and 500 thousand."
         ),
     ] = False
     vertices: Annotated[str | None, Parameter(help="Vertex counts for --scaling, such as 10000,40000.")] = None
@@ -73,10 +72,10 @@ def bench(
     repeat: Annotated[int, Parameter(name=["--repeat", "-n"], help="Runs per preset; the table shows medians.")] = 3,
     work: Workload = Workload(),
     preview: Annotated[
-        bool, Parameter(negative=(), help="Time the previewer instead: pictures a second, plain and with stripes.")
+        bool, Switch(help="Time the previewer instead: pictures a second, plain and with stripes.")
     ] = False,
-    step: Annotated[bool, Parameter(negative=(), help="Include STEP in the export column.")] = False,
-    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
+    step: Annotated[bool, Switch(help="Include STEP in the export column.")] = False,
+    json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
 ) -> int:
     """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
 

@@ -10,7 +10,7 @@ from cyclopts import Parameter
 
 from dsfab.app.build_page import USUAL, BuildPage, Output
 from dsfab.app.export import ALIASES, CALCULIX, CALCULIX_SUFFIX, format_suffix
-from dsfab.app.options import NO_FLAGS, UNCHANGED, Source, StepFlags, estimate_step
+from dsfab.app.options import NO_FLAGS, UNCHANGED, OutputName, Source, StepFlags, Switch, estimate_step
 from dsfab.app.terminal import ExitCode, Reporter
 from dsfab.core.errors import ExportError, NotMadeError
 
@@ -24,18 +24,13 @@ if TYPE_CHECKING:
 class Files:
     """Folder and formats of a build, and permission to write a faulty design."""
 
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
-        None
-    )
+    output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME].")] = None
     format_: Annotated[
         str | None, Parameter(name=["--format", "-f"], help="Formats with commas; `dsfab export --help` lists all.")
     ] = None
 
     accept: Annotated[
-        bool,
-        Parameter(
-            negative=(), help="Write the files even if a load has no support, or if the sheet is as thin as a film."
-        ),
+        bool, Switch(help="Write the files even if a load has no support, or if the sheet is as thin as a film.")
     ] = False
 
     def preset_overrides(self) -> tuple[str, ...]:
@@ -55,7 +50,7 @@ class PictureFlags:
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
-        bool, Parameter(negative=(), help="Also make fabrication.png, which marks the smallest member, gap and wall.")
+        bool, Switch(help="Also make fabrication.png, which marks the smallest member, gap and wall.")
     ] = False
 
     def check_ahead(self) -> None:
@@ -83,7 +78,7 @@ def build(
     files: Files = Files(),
     step: StepFlags = NO_FLAGS,
     fix: Annotated[
-        bool, Parameter(negative=(), help="Change widths and frequencies until the limits of [fabrication] are met.")
+        bool, Switch(help="Change widths and frequencies until the limits of [fabrication] are met.")
     ] = False,
     pictures: PictureFlags = PictureFlags(),
     output: Output = USUAL,

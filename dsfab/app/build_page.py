@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Quiet
+from dsfab.app.options import Quiet, Switch
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.messages import byte_size, sentence
 
@@ -32,7 +32,7 @@ class Output:
 
     quiet: Quiet = False
     verbose: Annotated[
-        bool, Parameter(name=["--verbose", "-v"], negative=(), help="Print every note, measure and step, with seconds.")
+        bool, Switch(name=["--verbose", "-v"], help="Print every note, measure and step, with seconds.")
     ] = False
 
 

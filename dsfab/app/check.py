@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.check_nonlinear import LINEAR_FILE_CHECK, Nonlinear, check_nonlinear
-from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
+from dsfab.app.options import MaxTriangles, Quiet, Set, Source, Switch, built_folder
 from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import length, mass
 
@@ -82,7 +82,7 @@ def check(
     reading: Reading = Reading(),
     nonlinear: Nonlinear = LINEAR_FILE_CHECK,
     solid: Annotated[bool, Parameter(help="With a preset: also compare compliance by a solid model.")] = True,
-    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print JSON instead of text.")] = False,
+    json_: Annotated[bool, Switch(name="--json", help="Print JSON instead of text.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Read an exported solid again, with readers that did not write it: is it sound, and is it the design?

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
-from dsfab.app.options import Source
+from dsfab.app.options import Source, Switch
 from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result, signals_as_interrupts
 from dsfab.core.messages import length
 
@@ -23,10 +23,9 @@ class Nonlinear:
 
     nonlinear: Annotated[
         bool,
-        Parameter(
-            negative=(),
+        Switch(
             help="Check a preset or built folder in place of a file: load the cut sheet by CalculiX (install ccx "
-            "yourself) until it gives way, with large displacements and an imperfection. Takes minutes.",
+            "yourself) until it gives way, with large displacements and an imperfection. Takes minutes."
         ),
     ] = False
     case: Annotated[

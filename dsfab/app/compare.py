@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import numpy as np
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source, Switch
 from dsfab.app.terminal import ExitCode, Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length, mass, sentence, table
@@ -123,8 +123,8 @@ class Questions:
             "the design, and for the best of each competitor if all take less than a minute; quick for --volumes]."
         ),
     ] = None
-    buckling: Annotated[bool, Parameter(negative=(), help="Also compute the lowest buckling factor of each.")] = False
-    frequency: Annotated[bool, Parameter(negative=(), help="Also compute the lowest frequency of each.")] = False
+    buckling: Annotated[bool, Switch(help="Also compute the lowest buckling factor of each.")] = False
+    frequency: Annotated[bool, Switch(help="Also compute the lowest frequency of each.")] = False
     memory: Annotated[float, Parameter(help="GB that the solver may take for a full check.")] = 4.0
 
     @property
@@ -170,14 +170,9 @@ class Results:
 
     output: Annotated[
         Path | None,
-        Parameter(
-            name=["-o", "--output"],
-            help="Folder for the results [outputs/NAME/compliance]; of several presets, a folder each in it.",
-        ),
+        OutputName(help="Folder for the results [outputs/NAME/compliance]; of several presets, a folder each in it."),
     ] = None
-    resume: Annotated[bool, Parameter(negative=(), help="Skip presets that the same command has compared already.")] = (
-        False
-    )
+    resume: Annotated[bool, Switch(help="Skip presets that the same command has compared already.")] = False
     report: Annotated[bool, Parameter(help="Also write report.html and report.pdf.")] = True
 
 
@@ -387,7 +382,7 @@ def compare(
     source: Source = UNCHANGED,
     questions: Questions = DEFAULT_QUESTIONS,
     results: Results = FULL_RESULTS,
-    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print results.json, no table.")] = False,
+    json_: Annotated[bool, Switch(name="--json", help="Print results.json, no table.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Show, Source, Switch, View, picture_size
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import byte_size
@@ -114,9 +114,7 @@ class TileOptions:
 
     view: View = "iso"
     show: Show = "structure"
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME-explore].")
-    ] = None
+    output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME-explore].")] = None
     size_: Annotated[str, Parameter(name="--size", help="WIDTHxHEIGHT of each picture in pixels.")] = "800x600"
 
 
@@ -142,7 +140,7 @@ def explore(
     source: Source = UNCHANGED,
     tile: TileOptions = TileOptions(),
     film: FilmOptions = FilmOptions(),
-    yes: Annotated[bool, Parameter(negative=(), help="Draw more than 200 variants.")] = False,
+    yes: Annotated[bool, Switch(help="Draw more than 200 variants.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Draw variants of a preset side by side: a contact sheet, and a page with the command that builds each.

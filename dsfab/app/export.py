@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, built_folder, estimate_step
+from dsfab.app.options import NO_FLAGS, UNCHANGED, OutputName, Quiet, Source, StepFlags, built_folder, estimate_step
 from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import ExportError
 from dsfab.core.messages import byte_size, length
@@ -70,7 +70,7 @@ def export(
     /,
     *,
     to: Annotated[str | None, Parameter(help=TO_HELP)] = None,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="The file [outputs/NAME/NAME.ext].")] = None,
+    output: Annotated[Path | None, OutputName(help="The file [outputs/NAME/NAME.ext].")] = None,
     sheet: Annotated[
         SheetName | None,
         Parameter(

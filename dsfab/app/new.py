@@ -8,7 +8,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from dsfab.app.options import NO_MESH_FLAGS, MaxTriangles, MeshFlags, Unit, Up
+from dsfab.app.options import NO_MESH_FLAGS, MaxTriangles, MeshFlags, OutputName, Switch, Unit, Up
 from dsfab.app.terminal import print_lines, print_result
 from dsfab.core.errors import PresetError
 
@@ -18,8 +18,8 @@ from dsfab.core.errors import PresetError
 class PresetFile:
     """File of the preset."""
 
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file to write [NAME.toml].")] = None
-    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False
+    output: Annotated[Path | None, OutputName(help="TOML file to write [NAME.toml].")] = None
+    force: Annotated[bool, Switch(help="Overwrite an existing file.")] = False
 
 
 PRESET_FILE = PresetFile()  # The default file of a preset.

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -19,10 +20,12 @@ if TYPE_CHECKING:
     from dsfab.preset.proposal import MeshWishes, Proposal
 
 
+Switch = partial(Parameter, negative=())  # Parameter of an option without a form --no-NAME.
+OutputName = partial(Parameter, name=["-o", "--output"])  # Parameter for a file or a folder of results.
 SMALLEST, LARGEST = 64, 8000  # Limits on the sides of a picture, pixels.
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
-Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Print errors only.")]
+Quiet = Annotated[bool, Switch(name=["--quiet", "-q"], help="Print errors only.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
 Up = Annotated[
     str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
@@ -80,9 +83,7 @@ Stand = Annotated[
         "height in metres: the edge up to it over its lowest point.",
     ),
 ]
-BuiltIn = Annotated[
-    bool, Parameter(name="--built-in", negative=(), help="The supports of a mesh do not let it turn there.")
-]
+BuiltIn = Annotated[bool, Switch(name="--built-in", help="The supports of a mesh do not let it turn there.")]
 LoadWish = Annotated[
     tuple[str, ...],
     Parameter(
@@ -238,7 +239,7 @@ class StepFlags:
         float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
     ] = None
     estimate: Annotated[
-        bool, Parameter(name="--estimate", negative=(), help="Print the cost of each way to write STEP; write no file.")
+        bool, Switch(name="--estimate", help="Print the cost of each way to write STEP; write no file.")
     ] = False
 
     def overrides(self) -> tuple[str, ...]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.first_picture import FirstPicture
-from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Show, Source, Switch, View, built_folder, picture_size
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import byte_size
@@ -82,9 +82,7 @@ class PictureOptions:
         ),
     ] = None
     ground: Annotated[str, Parameter(help="paper, white or transparent.")] = "paper"
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="PNG file [NAME.png, in the folder if one is built].")
-    ] = None
+    output: Annotated[Path | None, OutputName(help="PNG file [NAME.png, in the folder if one is built].")] = None
     size_: Annotated[
         str | None, Parameter(name="--size", help="WIDTHxHEIGHT in pixels [1600x1200; each of several: 800x600].")
     ] = None
@@ -110,9 +108,7 @@ def preview(
     *,
     source: Source = UNCHANGED,
     picture: PictureOptions = PictureOptions(),
-    watch: Annotated[
-        bool, Parameter(negative=(), help="Draw again when the preset file is saved, until Ctrl-C.")
-    ] = False,
+    watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Draw a preset in a few seconds: evenly spaced stripes as they are built, all else before it is cut.

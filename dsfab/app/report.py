@@ -4,10 +4,8 @@ import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from cyclopts import Parameter
-
 from dsfab.app.export import built_design, preset_and_folder
-from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source
 from dsfab.app.terminal import Reporter, print_lines
 
 if TYPE_CHECKING:
@@ -20,9 +18,7 @@ def report(
     preset: str,
     /,
     *,
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/members].")
-    ] = None,
+    output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME/members].")] = None,
     source: Source = UNCHANGED,
     quiet: Quiet = False,
 ) -> int:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.options import Quiet
+from dsfab.app.options import OutputName, Quiet, Switch
 from dsfab.app.terminal import Reporter, print_result
 from dsfab.core.errors import DsfabError, NotMadeError, did_you_mean
 from dsfab.core.messages import byte_size
@@ -32,16 +32,12 @@ def reproduce(
         float, Parameter(help="Make edges this many times as long as in the presets, for a quick rough look.")
     ] = 1.0,
     volumes: Annotated[
-        bool,
-        Parameter(
-            negative=(), help="Also compare the sphere with others at three volumes (a quarter of an hour, 9 GB)."
-        ),
+        bool, Switch(help="Also compare the sphere with others at three volumes (a quarter of an hour, 9 GB).")
     ] = False,
     small: Annotated[
-        bool,
-        Parameter(negative=(), help="Also write small.html: the page in one file, with pictures of half the size."),
+        bool, Switch(help="Also write small.html: the page in one file, with pictures of half the size.")
     ] = False,
-    output: Annotated[Path, Parameter(name=["-o", "--output"], help="Folder of the page.")] = FOLDER,
+    output: Annotated[Path, OutputName(help="Folder of the page.")] = FOLDER,
     workers: Annotated[
         int | None, Parameter(help="Number of processes that make figures [cores, as memory allows].")
     ] = None,

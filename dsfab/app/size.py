@@ -4,9 +4,7 @@ import shlex
 from pathlib import Path
 from typing import Annotated
 
-from cyclopts import Parameter
-
-from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source, Switch
 from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
 
 
@@ -15,8 +13,8 @@ def size(
     /,
     *,
     source: Source = UNCHANGED,
-    output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="TOML file for the new preset.")] = None,
-    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
+    output: Annotated[Path | None, OutputName(help="TOML file for the new preset.")] = None,
+    force: Annotated[bool, Switch(help="Overwrite an existing file.")] = False,
     quiet: Quiet = False,
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source, Switch, picture_size
 from dsfab.app.terminal import ExitCode, print_result
 from dsfab.core.errors import DsfabError
 from dsfab.core.toml_files import TomlError, shipped_presets, toml_table
@@ -71,12 +71,10 @@ class PlanOptions:
 class Work:
     """Folder and workers of a sweep, and runs to repeat."""
 
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
-    ] = None
+    output: Annotated[Path | None, OutputName(help="The sweep's folder [outputs/NAME-sweep].")] = None
     workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
-    extend: Annotated[bool, Parameter(negative=(), help="Add new runs to an existing sweep.")] = False
+    extend: Annotated[bool, Switch(help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
         Literal["killed", "failed", "all"],
         Parameter(help="Runs of an existing sweep to repeat: runs whose worker was killed, failed runs, or both."),

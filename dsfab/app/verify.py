@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
+from dsfab.app.options import Switch
 from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.messages import table
 
@@ -93,11 +94,11 @@ def verify(
     elements: Annotated[
         tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Pair such as hybrid+hhj (repeatable).")
     ] = (),
-    list_: Annotated[bool, Parameter(name="--list", negative=(), help="List tests and sources only.")] = False,
-    json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
-    page: Annotated[bool, Parameter(negative=(), help="Write a page of plots as well: index.html.")] = False,
+    list_: Annotated[bool, Switch(name="--list", help="List tests and sources only.")] = False,
+    json_: Annotated[bool, Switch(name="--json", help="Print a JSON list instead of a table.")] = False,
+    page: Annotated[bool, Switch(help="Write a page of plots as well: index.html.")] = False,
     calibration: Annotated[
-        bool, Parameter(negative=(), help="Measure the bounds of verdicts on random designs anew (15 min).")
+        bool, Switch(help="Measure the bounds of verdicts on random designs anew (15 min).")
     ] = False,
     out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page and the calibration.")] = PAGE,
 ) -> int:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from dsfab.app.export import built_design, preset_and_folder
-from dsfab.app.options import UNCHANGED, Quiet, Source
+from dsfab.app.options import UNCHANGED, OutputName, Quiet, Source, Switch
 from dsfab.app.terminal import Reporter, print_lines, print_result
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length
@@ -33,9 +33,9 @@ class WorkshopFlags:
         str | None, Parameter(help="Sheets to cut from: A3, or length and width: 2.5x1.25m, 420x297mm.")
     ] = None
     thickness: Annotated[str | None, Parameter(help="Thickness of one layer: 1mm, 0.012m.")] = None
-    ifc: Annotated[
-        bool, Parameter(help="Also write members.ifc: each member with its quantities and its drawings.", negative=())
-    ] = False
+    ifc: Annotated[bool, Switch(help="Also write members.ifc: each member with its quantities and its drawings.")] = (
+        False
+    )
 
 
 PRESET_FLAGS = WorkshopFlags()  # No option is set, so the preset's own values apply.
@@ -45,9 +45,7 @@ def workshop(
     preset: str,
     /,
     *,
-    output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME/workshop].")
-    ] = None,
+    output: Annotated[Path | None, OutputName(help="Folder for the files [outputs/NAME/workshop].")] = None,
     flags: WorkshopFlags = PRESET_FLAGS,
     source: Source = UNCHANGED,
     quiet: Quiet = False,

@@ -29,6 +29,12 @@ def lock(owner: object, name: str, dtype: Any, shape: tuple[int | None, ...]) ->
     object.__setattr__(owner, name, read_only_copy(getattr(owner, name), dtype, shape))
 
 
+def lock_floats(owner: object, **shapes: tuple[int | None, ...]) -> None:
+    """Replace the named fields of a frozen dataclass by read-only copies of these shapes, of floats (see `lock`)."""
+    for name, shape in shapes.items():
+        lock(owner, name, np.float64, shape)
+
+
 def cross(a: Floats, b: Floats) -> Floats:
     """Return the cross products (k, 3) of a and b (k, 3); faster than `np.cross`."""
     (x, y, z), (u, v, w) = a.T, b.T

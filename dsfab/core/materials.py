@@ -36,52 +36,30 @@ class NamedMaterial:
 
 KEYS = ("young", "poisson", "density", "strength")  # Keys of [statics] that a material sets.
 
+
+def _steel(name: str, strength: int, source: str = "") -> NamedMaterial:
+    """Return a structural steel; strength : MPa."""
+    says = f"yield {strength} MPa / 1.0, up to 40 mm thick"
+    source += "EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1"
+    return NamedMaterial(name, 210e9, 0.3, 7850.0, strength * 1e6, 12e-6, says, source)
+
+
+def _timber(name: str, young: float, density: float, strength: float, says: str, source: str) -> NamedMaterial:
+    """Return a timber along its grain."""
+    source += "; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed"
+    return NamedMaterial(name, young, 0.3, density, strength, 5e-6, f"tension along the grain {says}", source)
+
+
 _ALL = (
-    NamedMaterial(
-        *("S235", 210e9, 0.3, 7850.0, 235e6, 12e-6),
-        says="yield 235 MPa / 1.0, up to 40 mm thick",
-        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
-    ),
-    NamedMaterial(
-        *("S275", 210e9, 0.3, 7850.0, 275e6, 12e-6),
-        says="yield 275 MPa / 1.0, up to 40 mm thick",
-        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
-    ),
-    NamedMaterial(
-        *("S355", 210e9, 0.3, 7850.0, 355e6, 12e-6),
-        says="yield 355 MPa / 1.0, up to 40 mm thick",
-        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
-    ),
-    NamedMaterial(
-        *("S460", 210e9, 0.3, 7850.0, 460e6, 12e-6),
-        says="yield 460 MPa / 1.0, up to 40 mm thick",
-        source="S460N; EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
-    ),
-    NamedMaterial(
-        *("C24", 11e9, 0.3, 420.0, 8.92e6, 5e-6),
-        says="tension along the grain 14.5 MPa x 0.8 / 1.3",
-        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
-    ),
-    NamedMaterial(
-        *("C30", 12e9, 0.3, 460.0, 11.7e6, 5e-6),
-        says="tension along the grain 19 MPa x 0.8 / 1.3",
-        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
-    ),
-    NamedMaterial(
-        *("GL24h", 11.5e9, 0.3, 420.0, 12.3e6, 5e-6),
-        says="tension along the grain 19.2 MPa x 0.8 / 1.25",
-        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
-    ),
-    NamedMaterial(
-        *("GL28h", 12.6e9, 0.3, 460.0, 14.3e6, 5e-6),
-        says="tension along the grain 22.3 MPa x 0.8 / 1.25",
-        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
-    ),
-    NamedMaterial(
-        *("GL32h", 14.2e9, 0.3, 490.0, 16.4e6, 5e-6),
-        says="tension along the grain 25.6 MPa x 0.8 / 1.25",
-        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
-    ),
+    _steel("S235", 235),
+    _steel("S275", 275),
+    _steel("S355", 355),
+    _steel("S460", 460, "S460N; "),
+    _timber("C24", 11e9, 420.0, 8.92e6, "14.5 MPa x 0.8 / 1.3", "EN 338, table 1"),
+    _timber("C30", 12e9, 460.0, 11.7e6, "19 MPa x 0.8 / 1.3", "EN 338, table 1"),
+    _timber("GL24h", 11.5e9, 420.0, 12.3e6, "19.2 MPa x 0.8 / 1.25", "EN 14080, table 5"),
+    _timber("GL28h", 12.6e9, 460.0, 14.3e6, "22.3 MPa x 0.8 / 1.25", "EN 14080, table 5"),
+    _timber("GL32h", 14.2e9, 490.0, 16.4e6, "25.6 MPa x 0.8 / 1.25", "EN 14080, table 5"),
     NamedMaterial(
         *("LVL 48 P", 13.8e9, 0.3, 510.0, 23.3e6, 5e-6),
         says="tension along the grain 35 MPa x 0.8 / 1.2",

@@ -18,19 +18,10 @@ of the surface, become material."""
 def finishing_options(preset: Preset, surface: Surface, pattern: PatternResult) -> FinishingOptions:
     slicing, merge, resolved = preset.slicing, merges_slits(preset, pattern), pattern.preset_with_choices(preset)
     opening, neck = smallest_widths(resolved, surface)
-    return FinishingOptions(
-        slicing.snap,
-        slicing.pinch,
-        preset.statics.thickness,
-        slicing.min_opening is not None,
-        opening,
-        merge,
-        neck,
-        preset.pattern.fillet,
-        slicing.min_member or 0.0,
-        least_widths(resolved, surface),
-        slicing.tolerance if slicing.improve else None,
-    )
+    cut = slicing.snap, slicing.pinch, preset.statics.thickness, slicing.min_opening is not None
+    openings = opening, merge, neck, preset.pattern.fillet
+    least, tolerance = least_widths(resolved, surface), slicing.tolerance if slicing.improve else None
+    return FinishingOptions(*cut, *openings, slicing.min_member or 0.0, least, tolerance)
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:

@@ -44,17 +44,11 @@ def eurocode_rules(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 
     section, options = preset.statics, preset.eurocode
     layer = (preset.workshop.thickness or section.thickness / preset.workshop.layers) if options.bent_in else 0.0
-    return Rules(
-        section.material or "",
-        section.young,
-        section.young / (2 * (1 + section.poisson)),
-        section.strength,
-        {case: _duration(preset, case) for case in cases},
-        SteelFactors(options.curve, options.gamma_m0, options.gamma_m1, options.buckling_length),
-        TimberFactors(options.service_class, options.gamma_m, options.buckling_length, layer),
-        _load_description(preset, cases),
-        bool(preset.surface.sums),
-    )
+    material = section.material or "", section.young, section.young / (2 * (1 + section.poisson)), section.strength
+    durations = {case: _duration(preset, case) for case in cases}
+    steel = SteelFactors(options.curve, options.gamma_m0, options.gamma_m1, options.buckling_length)
+    timber = TimberFactors(options.service_class, options.gamma_m, options.buckling_length, layer)
+    return Rules(*material, durations, steel, timber, _load_description(preset, cases), bool(preset.surface.sums))
 
 
 def _load_description(preset: Preset, cases: tuple[str, ...]) -> str:

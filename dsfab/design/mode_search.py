@@ -40,8 +40,7 @@ class CarryingSheet(NamedTuple):
 
 class TrialResult(NamedTuple):
     """Result of a trial whose sheet carries its loads: candidate with its score, pattern, sheet, and all cells of
-    the cut.
-    """
+    the cut."""
 
     candidate: Candidate
     pattern: PatternResult

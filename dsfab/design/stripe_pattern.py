@@ -341,18 +341,9 @@ def _even_families(
     for name, relative_stress in zip(preset.pattern.family_names, stress, strict=True):
         k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
         along = np.ones(surface.n) if relative_stress is None else relative_stress
-        columns = even.slope[:, k], even.density[:, k], along
-        families.append(
-            EvenFamily(
-                name,
-                stripes,
-                even.phases[k],
-                even.wanted[k],
-                *columns,
-                int(k != even.first),
-                preset.pattern.removes_loose_ends and preset.pattern.families == "both",
-            )
-        )
+        columns = even.phases[k], even.wanted[k], even.slope[:, k], even.density[:, k], along
+        tidied = preset.pattern.removes_loose_ends and preset.pattern.families == "both"
+        families.append(EvenFamily(name, stripes, *columns, int(k != even.first), tidied))
     return families
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, lock_floats
 from dsfab.core.derived import derived, derived_results
 from dsfab.core.errors import PatternError
 from dsfab.core.sparse import Factor, SuperLU, factorise, one_blas_thread, solver_name
@@ -93,8 +93,7 @@ class Modes:
     X: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "lam", np.float64, (None,))
-        lock(self, "X", np.float64, (None, len(self.lam)))
+        lock_floats(self, lam=(None,), X=(None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
         """Return mode `number` (n,); mode 1 is the first that is not constant, as in the paper's figures.

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.arrays import Bools, Floats, lock, lock_floats
 from dsfab.surface import Surface
 from dsfab.surface.fields import assemble, hat_gradients, tangents
 
@@ -65,8 +65,7 @@ class DiffusionTensors:
     principal: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "major", np.float64, (None, 3, 3))
-        lock(self, "minor", np.float64, (len(self.major), 3, 3))
+        lock_floats(self, major=(None, 3, 3), minor=(len(self.major), 3, 3))
         lock(self, "isotropic", np.bool_, (len(self.major),))
         lock(self, "principal", np.float64, (len(self.major), 2))
 

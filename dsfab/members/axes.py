@@ -10,7 +10,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, lock, positions_on_segments, read_only_copy, unit_vectors
+from dsfab.core.arrays import Floats, Ints, lock, lock_floats, positions_on_segments, read_only_copy, unit_vectors
 from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
@@ -33,8 +33,7 @@ class MiddleLine:
     cells: Ints
 
     def __post_init__(self) -> None:
-        lock(self, "points", np.float64, (None, 3))
-        lock(self, "normals", np.float64, (len(self.points), 3))
+        lock_floats(self, points=(None, 3), normals=(len(self.points), 3))
         lock(self, "cells", np.int64, (len(self.points) - 1,))
 
     @cached_property
@@ -65,9 +64,6 @@ class MiddleLine:
     def section(self, first: int, last: int) -> "MiddleLine":
         """Return the part of the line between two of its points."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
-
-    def reverse(self) -> "MiddleLine":
-        return MiddleLine(self.points[::-1], self.normals[::-1], self.cells[::-1])
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:

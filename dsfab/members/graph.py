@@ -1,12 +1,14 @@
 """`MemberGraph`: members by name, and the nodes at which members cross, meet or end."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import itemgetter
 from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock
+from dsfab.core.arrays import Floats, Ints, distances_from_segments, lock, lock_floats
 from dsfab.members.axes import MemberAxis
 from dsfab.members.components import Component, Kind
 from dsfab.slicing import Overlay, Sheet
@@ -150,6 +152,12 @@ class Member:
         lock(self, "sides", np.float64, (None, 2))
 
     @property
+    def curve(self) -> MemberAxis:
+        """Axis of a member that has an axis."""
+        assert self.axis is not None
+        return self.axis
+
+    @property
     def length(self) -> float:
         """Length of its axis, metres; 0 without an axis."""
         return self.axis.length if self.axis else 0.0
@@ -186,8 +194,7 @@ class Node:
     area: float
 
     def __post_init__(self) -> None:
-        lock(self, "point", np.float64, (3,))
-        lock(self, "normal", np.float64, (3,))
+        lock_floats(self, point=(3,), normal=(3,))
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,12 +218,8 @@ class MemberGraph:
     @cached_property
     def nodes_along(self) -> dict[str, tuple[Node, ...]]:
         """Nodes of each member along its axis, by the member's name, without grazing nodes."""
-        nodes: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in self.members}
-        for node in self.nodes:
-            if node.kind != "grazing":
-                for name, s in zip(node.members, node.at, strict=True):
-                    nodes[name].append((s, node))
-        return {name: tuple(node for _, node in sorted(pairs, key=lambda one: one[0])) for name, pairs in nodes.items()}
+        stations = stations_of_nodes(self.members, self.nodes)
+        return {name: tuple(node for _, node in sorted(pairs, key=itemgetter(0))) for name, pairs in stations.items()}
 
     @cached_property
     def owner(self) -> Ints:
@@ -238,18 +241,34 @@ class MemberGraph:
     def to_compas(self) -> "compas.datastructures.Graph":
         """Return nodes with x, y, z (m), and an edge for each bay with its `member` and its `length` along the axis.
         Raises SurfaceError if compas is not installed."""
-        return _compas_graph(self)
+        require_compas()
+        from compas.datastructures import Graph
+
+        result = Graph(name="members")
+        for node in self.nodes:
+            x, y, z = node.point.tolist()
+            facts = {"kind": node.kind, "members": list(node.members), "angle": node.angle}
+            result.add_node(node.id, x=x, y=y, z=z, attr_dict=facts)
+        for member in self.members:
+            nodes = self.nodes_along[member.id]
+            after = (*nodes[1:], nodes[0]) if nodes and member.axis and member.axis.closed else nodes[1:]
+            for bay, (a, b) in zip(self.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
+                pair = a.id, b.id
+                shortest = result.edge_attribute(pair, "length") if result.has_edge(pair) else None
+                if a.id != b.id and (shortest is None or bay < shortest):
+                    result.add_edge(a.id, b.id, attr_dict={"member": member.id, "length": bay})
+        return result
 
     @cached_property
     def stub_share(self) -> float:
         """Share of the sheet's area in stubs."""
-        return sum(member.area for member in self._of_kind("stub")) / self.sheet.surface.area
+        return sum(member.area for member in self._stubs) / self.sheet.surface.area
 
     @property
     def notes(self) -> tuple[str, ...]:
         """Sentences on stubs and grazing members, for the reader who plans to build."""
         lines = []
-        stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
+        stubs, grazing = self._stubs, [node for node in self.nodes if node.kind == "grazing"]
         if self.stub_share > 0.01:
             lines.append(
                 f"{len(stubs)} stubs, under twice as long as they are wide, make up {self.stub_share:.1%} of the sheet"
@@ -258,28 +277,19 @@ class MemberGraph:
             lines.append(f"{len(grazing)} overlaps are no nodes: their members graze, and the middle lines do not meet")
         return tuple(lines)
 
-    def _of_kind(self, kind: Kind) -> list[Member]:
-        return [member for member in self.members if member.kind == kind]
+    @property
+    def _stubs(self) -> list[Member]:
+        return [member for member in self.members if member.kind == "stub"]
 
 
-def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
-    require_compas()
-    from compas.datastructures import Graph
-
-    result = Graph(name="members")
-    for node in graph.nodes:
-        x, y, z = node.point.tolist()
-        facts = {"kind": node.kind, "members": list(node.members), "angle": node.angle}
-        result.add_node(node.id, x=x, y=y, z=z, attr_dict=facts)
-    for member in graph.members:
-        nodes = graph.nodes_along[member.id]
-        after = (*nodes[1:], nodes[0]) if nodes and member.axis and member.axis.closed else nodes[1:]
-        for bay, (node_a, node_b) in zip(graph.bays(member.id).tolist(), zip(nodes, after, strict=False), strict=False):
-            pair = node_a.id, node_b.id
-            shortest = result.edge_attribute(pair, "length") if result.has_edge(pair) else None
-            if node_a.id != node_b.id and (shortest is None or bay < shortest):
-                result.add_edge(node_a.id, node_b.id, attr_dict={"member": member.id, "length": bay})
-    return result
+def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[str, list[tuple[float, Node]]]:
+    """Return arc lengths (m) on the axis and nodes of each member, by its name, without grazing nodes."""
+    stations: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
+    for node in nodes:
+        if node.kind != "grazing":
+            for name, s in zip(node.members, node.at, strict=True):
+                stations[name].append((s, node))
+    return stations
 
 
 ENDS = 1.0
@@ -354,8 +364,7 @@ class Joints:
 
 def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
     """Return the unit tangent (3,) of a member's axis at an arc length, and the width there, metres."""
-    assert member.axis is not None
-    return member.axis.frames_at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
+    return member.curve.frames_at(np.array([s]))[1][0], float(np.interp(s, member.curve.s, member.width))
 
 
 def _length_beyond(member: Member, s: float) -> float:
@@ -372,11 +381,7 @@ def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) 
     owner : (m, f) member of each cell for each field, -1 for none.    surface : the surface before it was cut."""
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
-    nodes_on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
-    for node in nodes:
-        if node.kind != "grazing":
-            for name, s in zip(node.members, node.at, strict=True):
-                nodes_on[name].append((s, node))
+    nodes_on = stations_of_nodes(members, nodes)
     begins: dict[bytes, list[int]] = {}
     for k, part in enumerate(parts):
         if part.line and not part.line.closed:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order
 
-from dsfab.core.arrays import Bools, Complexes, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Complexes, Floats, Ints, lock, lock_floats
 from dsfab.core.sparse import one_blas_thread
 from dsfab.pattern.frames import Frames, Solve, dots
 from dsfab.pattern.symmetry import Projection
@@ -175,9 +175,7 @@ class CornerPhase:
     broken: int = 0
 
     def __post_init__(self) -> None:
-        lock(self, "value", np.float64, (None,))
-        lock(self, "sign", np.float64, (None, 3))
-        lock(self, "shift", np.float64, (len(self.sign), 3))
+        lock_floats(self, value=(None,), sign=(None, 3), shift=(len(self.sign), 3))
         lock(self, "singular", np.bool_, (len(self.sign),))
 
     @property
@@ -196,11 +194,6 @@ class CornerPhase:
     def times(self, factor: int) -> "CornerPhase":
         """Return the phase with `factor` stripes in place of each stripe; factor is an integer."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
-
-    @cached_property
-    def single_valued(self) -> bool:
-        """True if one number at each vertex serves all faces."""
-        return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
 
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:

@@ -11,9 +11,7 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)  # Sizes of the pictures of steps, and of the structure, pixels.
-LIGHT = LightQuality(
-    8, 24, 5, 896, 512, (0.006, 0.035)
-)  # This quality lies between those of a sweep and of a single picture.
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))  # Between the qualities of a sweep and of a single picture.
 
 VIEWS = {
     "pavilion": "25,35",

@@ -70,17 +70,11 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
         carried, notes = _load_transfer(results[1])
         shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
         compared = tuple(comparisons(design, folder, {entry.file: entry for entry in shown}))
-        ways = tuple(_without_design(_rendition_picture(figure, entry, folder, shown[0])) for entry in results)
+        ways = tuple(_rendition_picture(figure, entry, folder, shown[0]) for entry in results)
     except DsfabError as error:
         return FigurePictures(figure, error=str(error))
     surface, seconds = design.surface, processor_seconds(design)
     return FigurePictures(figure, surface.n, surface.m, seconds, carried, notes, shown, compared, ways, coarser)
-
-
-def _without_design(picture: RenditionPicture) -> RenditionPicture:
-    design = picture.rendition.design
-    edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
-    return replace(picture, rendition=replace(picture.rendition, design=None), edge=edge)
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
@@ -110,17 +104,16 @@ def coarsened_draft(preset: Preset, coarser: float) -> tuple[Design, float]:
 def _rendition_picture(
     figure: PaperFigure, rendition: Rendition, folder: Path, shipped: PaperPicture
 ) -> RenditionPicture:
+    title, design = RENDITION_TITLES[rendition.name], rendition.design
     if rendition.name == "preset":
-        return RenditionPicture(
-            rendition, replace(shipped, title=RENDITION_TITLES[rendition.name]), finding(figure.claim, rendition)
-        )
-    if rendition.design is None:
-        return RenditionPicture(rendition, PaperPicture("", RENDITION_TITLES[rendition.name], rendition.refused))
-    picture = paper_picture(
-        rendition.design, folder, "structure", f"{figure.preset}-{rendition.name}", RENDITION_TITLES[rendition.name]
-    )
-    claim_text = finding(figure.claim, rendition) if rendition.name == "letter" else ""
-    return RenditionPicture(rendition, picture, claim_text)
+        picture = replace(shipped, title=title)
+    elif design is None:
+        picture = PaperPicture("", title, rendition.refused)
+    else:
+        picture = paper_picture(design, folder, "structure", f"{figure.preset}-{rendition.name}", title)
+    edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
+    claim_text = "" if rendition.name == "stripes" else finding(figure.claim, rendition)
+    return RenditionPicture(replace(rendition, design=None), picture, claim_text, edge)
 
 
 def _load_transfer(rendition: Rendition) -> tuple[str, tuple[str, ...]]:

@@ -177,11 +177,9 @@ def _built(pictures: FigurePictures) -> str:
 
 
 def picture_cell(shown: PaperPicture, name: str, kind: str = "") -> str:
-    inside = (
-        image_tag(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else reason_paragraph(shown.words)
-    )
+    inside = reason_paragraph(shown.words)
     if shown.file:
-        inside = f'<a href="{shown.file}">{inside}</a>'
+        inside = f'<a href="{shown.file}">{image_tag(shown.file, f"{name}: {shown.title}", shown.size)}</a>'
     words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
     bar = _bar(shown.bar) if shown.bar else ""
     return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
@@ -195,15 +193,7 @@ def _bar(bar: ColourBar) -> str:
 
 
 PAGE_NAME = "index.html"
-TIMED = (
-    "membrane",
-    "bending",
-    "statics",
-    "stress",
-    "diffusion",
-    "modes",
-)  # Columns of the paper's Table 2 that hold seconds.
-
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")  # Table 2's columns that hold seconds.
 PARAMETERS = (
     ("&gamma;", "force magnitude"),
     ("r", "anisotropy"),

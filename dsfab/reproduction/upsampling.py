@@ -141,7 +141,6 @@ def _percent(share: float) -> str:
 
 
 def _write_chart(comparison: CutComparison, path: Path) -> None:
-    import numpy as np
     from matplotlib.figure import Figure
     from PIL import Image
 

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterator, Sequence
 
 from dsfab.core.errors import StaticsError
 from dsfab.statics import REPORTED, Elements, elements_of
-from dsfab.verification import beams, cut_sheets, plane, plates, shells, stability, vessels, vibrations
-from dsfab.verification.problems import Mesh, Problem, Test
+from dsfab.verification import beams, cut_sheets, plane, plates, shells, vibrations
+from dsfab.verification.problems import Problem, Test
 from dsfab.verification.results import (
     Standing,
     VerificationRow,
@@ -20,29 +20,14 @@ from dsfab.verification.results import (
 )
 
 __all__ = [
-    "PAIRS",
-    "TESTS",
-    "Mesh",
-    "Problem",
-    "Standing",
-    "Test",
-    "VerificationRow",
-    "choose",
-    "failures",
-    "pattern_spread",
-    "series",
-    "shortfalls",
-    "standings",
-    "verify",
-]
+    "PAIRS", "TESTS", "Problem", "Standing", "Test", "VerificationRow", "choose", "failures", "pattern_spread",
+    "series", "shortfalls", "standings", "verify",
+]  # fmt: skip
 
-FAMILIES = (plates, beams, plane, shells, vessels, vibrations, stability, cut_sheets)
+FAMILIES = (plates, beams, plane, shells, vibrations, cut_sheets)
 TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in family.TESTS}  # All tests by name.
-PAIRS = (
-    elements_of("directions"),
-    elements_of("spread"),
-    *REPORTED,
-)  # Default pairs of elements; the first two are only for comparison.
+PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
+"""Default pairs of elements; the first two are only for comparison."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:

@@ -4,7 +4,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats
 from dsfab.slicing import cut
-from dsfab.statics import Material, SpreadLoad
+from dsfab.statics import Material
 from dsfab.study.calculix import end_face_nodes, solid_compliance, wedges
 from dsfab.surface import Surface
 from dsfab.verification.problems import Mesh, Problem, Test, edges_on, held_directions, is_at, square
@@ -53,17 +53,9 @@ def feet(surface: Surface) -> Bools:
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
     """Return the vault as a thin sheet, built in at both springing lines, under its own weight; value in joules."""
     surface = vault(cells)
-    where = feet(surface)
-    return Problem(
-        surface,
-        CONCRETE,
-        THICKNESS,
-        fixed=held_directions(surface.n, (where, "xyz")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, face=CONCRETE.density * THICKNESS * GRAVITY),
-        clamped=edges_on(surface, where),
-        value=lambda answer: answer.compliance,
-    )
+    where, weight = feet(surface), CONCRETE.density * THICKNESS * GRAVITY
+    fixed, clamped = held_directions(surface.n, (where, "xyz")), edges_on(surface, where)
+    return Problem(surface, CONCRETE, THICKNESS, fixed, lambda answer: answer.compliance, face=weight, clamped=clamped)
 
 
 def vault_solid(cells: int, mesh: Mesh) -> tuple[int, float] | None:

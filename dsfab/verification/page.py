@@ -157,14 +157,8 @@ def _svg(figure: "Figure", title: str) -> str:
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-WORST_FIRST = (
-    "off",
-    "refused",
-    "theory",
-    "coarse",
-    "not run",
-    "ok",
-)  # Verdicts, the worst first; the summary shows the worst verdict of each test.
+WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
+"""Verdicts, the worst first; the summary shows the worst verdict of each test."""
 PAIR = str(elements_of("displacement"))  # This pair of elements has targets and is compared with published values.
 
 STYLE = """
@@ -212,9 +206,8 @@ def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
     met = sum(bool(row.met) for row in aimed)
     spread = {key: value for key, value in pattern_spread(rows).items() if key[1:] == (PAIR, 16)}
     widest = max(spread, key=lambda key: spread[key], default=None)
-    versions = f"dsfab {__version__}, Python {platform.python_version()}, " + ", ".join(
-        f"{name} {version(name)}" for name in ("numpy", "scipy")
-    )
+    libraries = ", ".join(f"{name} {version(name)}" for name in ("numpy", "scipy"))
+    versions = f"dsfab {__version__}, Python {platform.python_version()}, {libraries}"
     return "\n".join(
         [
             "<h1>Can the statics be trusted?</h1>",

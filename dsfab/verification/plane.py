@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
-from dsfab.statics import Equilibrium, Material, SpreadLoad, membrane_strains, membrane_stresses
+from dsfab.statics import Equilibrium, Material, membrane_strains, membrane_stresses
 from dsfab.surface import Surface
 from dsfab.surface.fields import tangents
 from dsfab.verification.problems import (
@@ -51,18 +51,10 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
     sides = {(1.0, 0.0): (right,), (-1.0, 0.0): (left,)}
     if shear:
         sides = {(0.0, 1.0): (right,), (0.0, -1.0): (left,), (1.0, 0.0): (top,), (-1.0, 0.0): (bottom,)}
-    load = sum(lines_on(surface, edges_on(surface, *side), (1e3 * q[0], 1e3 * q[1], 0.0)) for q, side in sides.items())
+    load = sum(lines_on(edges_on(surface, *side), (1e3 * q[0], 1e3 * q[1], 0.0)) for q, side in sides.items())
     corner = left & bottom
-    return Problem(
-        surface,
-        STEEL,
-        0.01,
-        fixed=held_directions(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, edge=load),
-        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
-        value=mean_move(top if shear else right, (1.0, 0.0, 0.0)),
-    )
+    fixed = held_directions(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x"))
+    return Problem(surface, STEEL, 0.01, fixed, mean_move(top if shear else right, (1.0, 0.0, 0.0)), edge=load)
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
@@ -128,16 +120,8 @@ def quarter(
     def value(answer: Equilibrium) -> float:
         return float(vertex_stress(surface, material, answer, vertex)[row, column])
 
-    return Problem(
-        surface,
-        material,
-        thickness,
-        fixed=held_directions(surface.n, (is_at(uv[:, 0], 0.0), "y"), (is_at(uv[:, 0], 1.0), "x")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, edge=thickness * tractions(surface, outer, stress)),
-        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
-        value=value,
-    )
+    fixed = held_directions(surface.n, (is_at(uv[:, 0], 0.0), "y"), (is_at(uv[:, 0], 1.0), "x"))
+    return Problem(surface, material, thickness, fixed, value, edge=thickness * tractions(surface, outer, stress))
 
 
 def tractions(surface: Surface, marked: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:

@@ -10,18 +10,29 @@ from dsfab.statics import (
     Equilibrium,
     Material,
     SheetModel,
-    SpreadLoad,
     buckling,
     frequencies,
     sheet_stress,
     solve_statics,
 )
 from dsfab.surface import Surface
-from dsfab.verification.problems import MESHES, Mesh, Problem, Test, edges_on, held_directions, is_at, lines_on, square
+from dsfab.verification.problems import (
+    MESHES,
+    Mesh,
+    Problem,
+    Test,
+    edges_on,
+    held_directions,
+    is_at,
+    lines_on,
+    mean_move,
+    square,
+)
 
 PLATE = Material(young=1e7, poisson=0.3)
 HEAVY = replace(PLATE, density=1000.0)
 THIN = 0.01
+ACROSS = (0.0, 0.0, 1.0)  # Load across the plane of a plate, Pa.
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
@@ -31,17 +42,9 @@ def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
     sides = [is_at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
     rim = np.logical_or.reduce(sides)
     centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
-    stiffness = PLATE.bending_stiffness(THIN)
-    return Problem(
-        surface,
-        PLATE,
-        THIN,
-        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, 1.0)),
-        clamped=edges_on(surface, *sides) & clamped,
-        value=lambda answer: stiffness * float(answer.u[centre, 2][0]),
-    )
+    sag = mean_move(centre, (0.0, 0.0, PLATE.bending_stiffness(THIN)))
+    fixed = held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z"))
+    return Problem(surface, PLATE, THIN, fixed, sag, face=ACROSS, clamped=edges_on(surface, *sides) & clamped)
 
 
 SKEWED = Material(young=1085.0, poisson=0.31)
@@ -54,17 +57,9 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
     centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
-    scale = 100 * SKEWED.bending_stiffness(0.1) / 100**4
-    return Problem(
-        surface,
-        SKEWED,
-        0.1,
-        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (ends, "z")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, 1.0)),
-        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
-        value=lambda answer: scale * float(answer.u[centre, 2][0]),
-    )
+    sag = mean_move(centre, (0.0, 0.0, 100 * SKEWED.bending_stiffness(0.1) / 100**4))
+    fixed = held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (ends, "z"))
+    return Problem(surface, SKEWED, 0.1, fixed, sag, face=ACROSS)
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
@@ -100,18 +95,14 @@ def pressed_plate(cells: int, mesh: Mesh) -> Problem:
     ends = [is_at(uv[:, 0], end) for end in (0.0, 1.0)]
     rim = np.logical_or.reduce([*ends, is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)])
     corner = ends[0] & is_at(uv[:, 1], 0.0)
-    edge = lines_on(surface, edges_on(surface, ends[0]), (1.0, 0.0, 0.0))
-    edge = edge + lines_on(surface, edges_on(surface, ends[1]), (-1.0, 0.0, 0.0))
-    spread = SpreadLoad.broadcast(surface, edge=edge)
+    edge = lines_on(edges_on(surface, ends[0]), (1.0, 0.0, 0.0))
+    edge = edge + lines_on(edges_on(surface, ends[1]), (-1.0, 0.0, 0.0))
     fixed = held_directions(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & is_at(uv[:, 1], 0.0), "y"))
-    still = np.zeros((surface.n, 3))
-    problem = Problem(
-        surface, PLATE, THIN, fixed, still, spread, np.zeros(len(surface.edges.ends), dtype=bool), lambda answer: np.nan
-    )
+    problem = Problem(surface, PLATE, THIN, fixed, edge=edge)
 
     def modes(elements: Elements) -> float:
         sheet = SheetModel(surface, PLATE, THIN)
-        answer = solve_statics(sheet, problem.load, Elements(elements.membrane, "hinge"), spread)
+        answer = solve_statics(sheet, problem.load, Elements(elements.membrane, "hinge"), problem.spread)
         result = buckling(sheet, problem.load, answer, 1, elements=elements)
         return float(result.factor[0]) / PLATE.bending_stiffness(THIN)
 
@@ -127,26 +118,23 @@ def _moment() -> float:
 
 
 SERIES = "Timoshenko and Woinowsky-Krieger 1959, series; whole plate"
+square_plate = partial(Test, cells=(4, 8, 16), meshes=MESHES)
 
 TESTS = [
-    Test(
+    square_plate(
         "plate_supported",
         0.00406235,
         SERIES,
         "square plate on simple supports under a uniform load: sag of the centre",
         partial(plate, clamped=False),
-        cells=(4, 8, 16),
-        meshes=MESHES,
         targets={8: 0.005},
     ),
-    Test(
+    square_plate(
         "plate_clamped",
         0.00126532,
         SERIES,
         "square plate clamped all round under a uniform load: sag of the centre",
         partial(plate, clamped=True),
-        cells=(4, 8, 16),
-        meshes=MESHES,
         targets={8: 0.005},
     ),
     Test(
@@ -159,34 +147,28 @@ TESTS = [
         meshes=MESHES,
         targets={16: 0.005},
     ),
-    Test(
+    square_plate(
         "plate_stress",
         6 * _moment(),
         "Navier 1820, series; whole plate",
         "square plate on simple supports under a uniform load: stress at its centre",
         stressed_plate,
-        cells=(4, 8, 16),
-        meshes=MESHES,
         quantity="stress",
     ),
-    Test(
+    square_plate(
         "plate_frequency",
         2 * np.pi**2,
         "closed form, 2 pi^2; whole plate",
         "square plate on simple supports: its lowest frequency",
         shaken_plate,
-        cells=(4, 8, 16),
-        meshes=MESHES,
         quantity="frequency",
     ),
-    Test(
+    square_plate(
         "plate_buckling",
         4 * np.pi**2,
         "Bryan 1891, closed form, 4 pi^2; whole plate",
         "square plate on simple supports, pressed from two sides: the load at which it buckles",
         pressed_plate,
-        cells=(4, 8, 16),
-        meshes=MESHES,
         quantity="buckling",
     ),
 ]

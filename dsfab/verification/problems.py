@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -37,14 +38,9 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
     a = (i * (ny + 1) + j).ravel()
     b, c, d = a + ny + 1, a + ny + 2, a + 1
     other_diagonal = np.zeros(len(a), dtype=bool) if mesh == "diagonal" else ((i + j) % 2 == 1).ravel()
-    F = np.concatenate(
-        [
-            np.stack([a, b, c], axis=1)[~other_diagonal],
-            np.stack([a, c, d], axis=1)[~other_diagonal],
-            np.stack([a, b, d], axis=1)[other_diagonal],
-            np.stack([b, c, d], axis=1)[other_diagonal],
-        ]
-    )
+    parts = [np.stack(corners, axis=1)[~other_diagonal] for corners in ((a, b, c), (a, c, d))]
+    parts += [np.stack(corners, axis=1)[other_diagonal] for corners in ((a, b, d), (b, c, d))]
+    F = np.concatenate(parts)
     if mesh == "jittered":
         # the centre vertex does not move, because tests read its values
         inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)
@@ -88,17 +84,9 @@ def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
     number[inside] = np.arange(inside.sum())
     b = np.stack([cells - i - j, i, j], axis=-1)[inside]
     up, down = i + j < cells, i + j < cells - 1
-    a = np.stack(np.nonzero(up), axis=1)
-    d = np.stack(np.nonzero(down), axis=1)
-    faces = np.concatenate(
-        [
-            np.stack([number[a[:, 0], a[:, 1]], number[a[:, 0] + 1, a[:, 1]], number[a[:, 0], a[:, 1] + 1]], axis=1),
-            np.stack(
-                [number[d[:, 0] + 1, d[:, 1]], number[d[:, 0] + 1, d[:, 1] + 1], number[d[:, 0], d[:, 1] + 1]], axis=1
-            ),
-        ]
-    )
-    return b, faces
+    (p, q), (s, t) = np.nonzero(up), np.nonzero(down)
+    upright = np.stack([number[p, q], number[p + 1, q], number[p, q + 1]], axis=1)
+    return b, np.concatenate([upright, np.stack([number[s + 1, t], number[s + 1, t + 1], number[s, t + 1]], axis=1)])
 
 
 def _on_sphere(points: Ints, cells: int) -> Floats:
@@ -112,7 +100,7 @@ class Problem:
     """One mesh of one test: structure, loads, and the value to compare.
 
     fixed   : (n, 3) held directions.                   clamped : (e,) edges that cannot turn (built in, or symmetry).
-    force   : (n, 3) concentrated loads, newtons.       spread  : loads per area and per length.
+    force   : (n, 3) concentrated loads, newtons.       face, edge : (m, 3) loads per area and (e, 3) per length.
     value   : function from an answer to the value.
     modes   : function from elements to the value, for eigenvalue problems."""
 
@@ -120,11 +108,23 @@ class Problem:
     material: Material
     thickness: float
     fixed: Bools
-    force: Floats
-    spread: SpreadLoad
-    clamped: Bools
-    value: Callable[[Equilibrium], float]
+    value: Callable[[Equilibrium], float] = lambda answer: np.nan
+    force: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    face: object = 0.0
+    edge: object = 0.0
+    clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
     modes: Callable[[Elements], float] | None = None
+
+    def __post_init__(self) -> None:
+        if not len(self.force):
+            object.__setattr__(self, "force", np.zeros((self.surface.n, 3)))
+        if not len(self.clamped):
+            object.__setattr__(self, "clamped", np.zeros(len(self.surface.edges.ends), dtype=bool))
+
+    @cached_property
+    def spread(self) -> SpreadLoad:
+        """Loads per area and per length."""
+        return SpreadLoad.broadcast(self.surface, self.face, self.edge)
 
     @property
     def load(self) -> LoadCase:
@@ -166,15 +166,9 @@ class Problem:
         """Return the value by these elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
-        answer = solve_statics(
-            SheetModel(
-                self.surface, self.material, self.thickness, clamped=self.clamped if self.clamped.any() else None
-            ),
-            self.load,
-            elements=elements,
-            spread=self.spread,
-        )
-        return self.value(answer)
+        clamped = self.clamped if self.clamped.any() else None
+        sheet = SheetModel(self.surface, self.material, self.thickness, clamped=clamped)
+        return self.value(solve_statics(sheet, self.load, elements=elements, spread=self.spread))
 
 
 @dataclass(frozen=True)
@@ -237,7 +231,7 @@ def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
-def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
+def lines_on(where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
     """Return line loads (e, 3) that are constant on marked edges (e,) and 0 on the other edges."""
     return np.asarray(where[:, None] * np.array(newtons_per_metre))
 
@@ -253,14 +247,6 @@ def tip_loaded(
     ends = surface.V[surface.edges.ends[end]]
     width = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
     along = np.array(force)
-    direction = along / np.linalg.norm(along)
-    return Problem(
-        surface,
-        material,
-        thickness,
-        fixed=held_directions(surface.n, (root, "xyz")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, edge=lines_on(surface, end, tuple(along / width))),
-        clamped=edges_on(surface, root),
-        value=mean_move(tip, tuple(direction)),
-    )
+    fixed, move = held_directions(surface.n, (root, "xyz")), mean_move(tip, tuple(along / np.linalg.norm(along)))
+    load = lines_on(end, tuple(along / width))
+    return Problem(surface, material, thickness, fixed, move, edge=load, clamped=edges_on(surface, root))

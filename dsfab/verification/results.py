@@ -55,32 +55,7 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
     else:
         values = [_value(problem, elements) for problem in problems]
         missing = "refused"
-    ratios = [None if value is None else value / test.reference for value in values]
-    rows = []
-    for k, cells in enumerate(test.cells):
-        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
-        target = test.targets.get(cells) if elements == elements_of("displacement") else None
-        value = values[k]
-        rows.append(
-            VerificationRow(
-                test.name,
-                mesh,
-                str(elements),
-                cells,
-                problems[k].unknowns(elements),
-                value,
-                test.reference,
-                ratios[k],
-                observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
-                test.source,
-                verdict,
-                target,
-                None if target is None else _meets_target(test, value, target),
-                test.limit,
-                None if test.limit is None or value is None else value / test.limit,
-            )
-        )
-    return rows
+    return _rows(test, mesh, str(elements), [problem.unknowns(elements) for problem in problems], values, missing)
 
 
 OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a pair of elements.
@@ -89,27 +64,26 @@ OUTSIDE = "solid wedges (CalculiX)"  # Name of the other program, in place of a 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
     """Return the results of the test's other program for all refinements; empty without an installed program."""
     results = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
-    values = [result[1] for result in results if result is not None]
-    if not values:
-        return []
-    ratios = [value / test.reference for value in values]
-    return [
-        VerificationRow(
-            test.name,
-            mesh,
-            OUTSIDE,
-            test.cells[k],
-            result[0],
-            result[1],
-            test.reference,
-            ratios[k],
-            observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
-            test.source,
-            _verdict(test, ratios[k:]),
-        )
-        for k, result in enumerate(results)
-        if result is not None
-    ]
+    solved = [result for result in results if result is not None]
+    return _rows(test, mesh, OUTSIDE, [count for count, _ in solved], [value for _, value in solved])
+
+
+def _rows(
+    test: Test, mesh: Mesh, elements: str, unknowns: Sequence[int], values: Sequence[float | None], missing: str = ""
+) -> list[VerificationRow]:
+    """Return a row for each mesh; missing : verdict without a value."""
+    ratios = [None if value is None else value / test.reference for value in values]
+    rows = []
+    for k, (value, count) in enumerate(zip(values, unknowns, strict=True)):
+        target = test.targets.get(test.cells[k]) if elements == str(elements_of("displacement")) else None
+        aim = test.limit or test.reference
+        met = None if target is None else value is not None and abs(value / aim - 1) <= target
+        rate = observed_rate(values[k - 2 : k + 1]) if k >= 2 else None
+        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
+        of_limit = None if test.limit is None or value is None else value / test.limit
+        where, result = (test.name, mesh, elements, test.cells[k]), (count, value, test.reference, ratios[k], rate)
+        rows.append(VerificationRow(*where, *result, test.source, verdict, target, met, test.limit, of_limit))
+    return rows
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
@@ -151,11 +125,6 @@ def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
     return "ok" if is_within[0] else "coarse" if is_within[-1] else "off"
 
 
-def _meets_target(test: Test, value: float | None, target: float) -> bool:
-    aim = test.reference if test.limit is None else test.limit
-    return value is not None and abs(value / aim - 1) <= target
-
-
 Seen = Literal["page", "transcript", "recalled"]
 
 
@@ -177,9 +146,7 @@ class Published:
     cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the
                source has only a `note`, such as "coarse mesh".
     unknowns : number in the source's mesh, if the test has no equal mesh; then `cells` is that of the next coarser
-               mesh. None: counted on the test's mesh.
-    constant : True if the element's membrane is a triangle of constant strain.
-    middles  : True if the element also has nodes in the middle of its sides."""
+               mesh. None: counted on the test's mesh."""
 
     test: str
     element: str
@@ -187,9 +154,17 @@ class Published:
     ratio: float
     source: Publication
     unknowns: int | None = None
-    constant: bool = False
-    middles: bool = False
     note: str = ""
+
+    @property
+    def constant(self) -> bool:
+        """True if the element's membrane is a triangle of constant strain."""
+        return self.element in CONSTANT
+
+    @property
+    def middles(self) -> bool:
+        """True if the element also has nodes in the middle of its sides."""
+        return self.element in MIDDLES
 
 
 HARDER = Publication("MacNeal and Harder 1985, Finite Elements in Analysis and Design 1, 3-20", "recalled")
@@ -274,32 +249,20 @@ MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "A
 def _published_values() -> Iterator[Published]:
     for source, element, in_plane, out_of_plane in STRAIGHT_BEAMS:
         for suffix, in_plane_ratio, out_of_plane_ratio in zip(SHAPES, in_plane, out_of_plane, strict=True):
-            yield _published_value(f"straight_beam_in_plane{suffix}", element, 1, in_plane_ratio, source)
-            yield _published_value(f"straight_beam_out_of_plane{suffix}", element, 1, out_of_plane_ratio, source)
+            yield Published(f"straight_beam_in_plane{suffix}", element, 1, in_plane_ratio, source)
+            yield Published(f"straight_beam_out_of_plane{suffix}", element, 1, out_of_plane_ratio, source)
     for source, elements, note in TWISTED_BEAMS:
         for element, pair in elements.items():
             for name, ratio in zip(("in_plane", "out_of_plane"), pair, strict=True):
-                yield _published_value(f"twisted_beam_{name}", element, 1, ratio, source, TWELVE_BY_TWO, note)
+                yield Published(f"twisted_beam_{name}", element, 1, ratio, source, TWELVE_BY_TWO, note)
     for test, source, cells, elements in REFINED:
         for element, ratios in elements.items():
             for count, ratio in zip(cells, ratios, strict=True):
-                yield _published_value(test, element, count, ratio, source)
+                yield Published(test, element, count, ratio, source)
     for test, source, reference, elements in NAFEMS:
         for element, pair in elements.items():
             for note, value in zip(("coarse mesh", "fine mesh"), pair, strict=True):
-                yield _published_value(test, element, None, value / reference, source, None, note)
-
-
-def _published_value(
-    test: str,
-    element: str,
-    cells: int | None,
-    ratio: float,
-    source: Publication,
-    unknowns: int | None = None,
-    note: str = "",
-) -> Published:
-    return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
+                yield Published(test, element, None, value / reference, source, None, note)
 
 
 PUBLISHED = tuple(_published_values())

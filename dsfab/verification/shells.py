@@ -1,8 +1,11 @@
-"""Curved sheets: the obstacle course for shell elements [Belytschko et al. 1985]."""
+"""Curved sheets: the obstacle course for shell elements [Belytschko et al. 1985], and vessels under pressure."""
+
+from collections.abc import Callable
 
 import numpy as np
 
-from dsfab.statics import Material, SpreadLoad
+from dsfab.core.arrays import Floats
+from dsfab.statics import Equilibrium, Material
 from dsfab.surface import Surface
 from dsfab.verification.problems import (
     MESHES,
@@ -14,6 +17,7 @@ from dsfab.verification.problems import (
     is_at,
     mean_move,
     octant,
+    octasphere,
     point_force,
     square,
 )
@@ -26,16 +30,9 @@ def scordelis_lo(cells: int, mesh: Mesh) -> Problem:
     surface = Surface(np.stack([25 * np.sin(turn), 50 * uv[:, 1], 25 * np.cos(turn)], axis=1), F)
     ends = is_at(uv[:, 1], 0.0) | is_at(uv[:, 1], 1.0)
     crown = is_at(uv[:, 1], 0.0) & is_at(uv[:, 0], 0.5)  # this support prevents sliding, without a reaction
-    return Problem(
-        surface,
-        Material(4.32e8, 0.0),
-        0.25,
-        fixed=held_directions(surface.n, (ends, "xz"), (crown, "y")),
-        force=np.zeros((surface.n, 3)),
-        spread=SpreadLoad.broadcast(surface, face=(0.0, 0.0, -90.0)),
-        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
-        value=mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0)),
-    )
+    fixed = held_directions(surface.n, (ends, "xz"), (crown, "y"))
+    sag = mean_move(is_at(uv[:, 0], 0.0) & is_at(uv[:, 1], 0.5), (0.0, 0.0, -1.0))
+    return Problem(surface, Material(4.32e8, 0.0), 0.25, fixed, sag, face=(0.0, 0.0, -90.0))
 
 
 def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
@@ -46,16 +43,10 @@ def holed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     V = 10 * np.stack([np.sin(polar) * np.cos(turn), np.sin(polar) * np.sin(turn), np.cos(polar)], axis=1)
     surface = Surface(V, F)
     start, end, rim = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 1.0)
-    return Problem(
-        surface,
-        Material(6.825e7, 0.3),
-        0.04,
-        fixed=held_directions(surface.n, (start, "y"), (end, "x"), (start & rim, "z")),
-        force=point_force(surface.n, (start & rim, (1.0, 0.0, 0.0)), (end & rim, (0.0, -1.0, 0.0))),
-        spread=SpreadLoad.broadcast(surface),
-        clamped=edges_on(surface, start, end),
-        value=mean_move(start & rim, (1.0, 0.0, 0.0)),
-    )
+    fixed, move = held_directions(surface.n, (start, "y"), (end, "x"), (start & rim, "z")), (1.0, 0.0, 0.0)
+    force = point_force(surface.n, (start & rim, move), (end & rim, (0.0, -1.0, 0.0)))
+    value, clamped = mean_move(start & rim, move), edges_on(surface, start, end)
+    return Problem(surface, Material(6.825e7, 0.3), 0.04, fixed, value, force, clamped=clamped)
 
 
 def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
@@ -64,16 +55,10 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
     turn = np.pi / 2 * uv[:, 0]
     surface = Surface(np.stack([300 * np.cos(turn), 300 * uv[:, 1], 300 * np.sin(turn)], axis=1), F)
     side, top, middle, end = is_at(uv[:, 0], 0.0), is_at(uv[:, 0], 1.0), is_at(uv[:, 1], 0.0), is_at(uv[:, 1], 1.0)
-    return Problem(
-        surface,
-        Material(3e6, 0.3),
-        3.0,
-        fixed=held_directions(surface.n, (side, "z"), (top, "x"), (middle, "y"), (end, "xz")),
-        force=point_force(surface.n, (top & middle, (0.0, 0.0, -0.25))),
-        spread=SpreadLoad.broadcast(surface),
-        clamped=edges_on(surface, side, top, middle),
-        value=mean_move(top & middle, (0.0, 0.0, -1.0)),
-    )
+    fixed = held_directions(surface.n, (side, "z"), (top, "x"), (middle, "y"), (end, "xz"))
+    force = point_force(surface.n, (top & middle, (0.0, 0.0, -0.25)))
+    value, clamped = mean_move(top & middle, (0.0, 0.0, -1.0)), edges_on(surface, side, top, middle)
+    return Problem(surface, Material(3e6, 0.3), 3.0, fixed, value, force, clamped=clamped)
 
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
@@ -82,16 +67,41 @@ def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))
-    return Problem(
-        surface,
-        Material(68.25e9, 0.3),
-        0.04,
-        fixed=held_directions(surface.n, (y0, "y"), (x0, "x"), (x0 & y0, "z")),
-        force=point_force(surface.n, (y0 & z0, (2e3, 0.0, 0.0)), (x0 & z0, (0.0, -2e3, 0.0))),
-        spread=SpreadLoad.broadcast(surface),
-        clamped=edges_on(surface, x0, y0),
-        value=mean_move(y0 & z0, (1.0, 0.0, 0.0)),
-    )
+    fixed = held_directions(surface.n, (y0, "y"), (x0, "x"), (x0 & y0, "z"))
+    force = point_force(surface.n, (y0 & z0, (2e3, 0.0, 0.0)), (x0 & z0, (0.0, -2e3, 0.0)))
+    value, clamped = mean_move(y0 & z0, (1.0, 0.0, 0.0)), edges_on(surface, x0, y0)
+    return Problem(surface, Material(68.25e9, 0.3), 0.04, fixed, value, force, clamped=clamped)
+
+
+VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5  # Vessels of radius 1 m, 10 mm thick, under 1 bar.
+
+
+def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
+    """Return a closed sphere. Its poles on the three axes cannot move sideways; these supports have no reactions."""
+    V, F = octasphere(cells)
+    surface = Surface(V, F)
+    poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
+    fixed = held_directions(surface.n, *poles)
+    return Problem(surface, VESSEL, WALL, fixed, _swelling(V), face=PRESSURE * surface.normals)
+
+
+def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
+    """Return a tube 2 m long with free ends; supports at four vertices of one end prevent only rigid motions."""
+    uv, F = square(cells, cells // 2, mesh)
+    # the last line of vertices is the first line, because the tube is closed around
+    F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
+    uv = uv[uv[:, 0] < 1 - 1e-9]
+    turn = 2 * np.pi * uv[:, 0]
+    out = np.stack([np.cos(turn), np.sin(turn), 0 * turn], axis=1)
+    surface = Surface(out + uv[:, 1, None] * np.array([0.0, 0.0, 2.0]), F)
+    end = is_at(uv[:, 1], 0.0)
+    x_axis, y_axis = end & (np.abs(out[:, 1]) < 1e-9), end & (np.abs(out[:, 0]) < 1e-9)
+    fixed = held_directions(surface.n, (x_axis, "yz"), (y_axis, "xz"))
+    return Problem(surface, VESSEL, WALL, fixed, _swelling(out), face=PRESSURE * surface.normals)
+
+
+def _swelling(out: Floats) -> Callable[[Equilibrium], float]:
+    return lambda answer: float(np.einsum("ni,ni->n", answer.u, out).mean())
 
 
 TESTS = [
@@ -137,5 +147,22 @@ TESTS = [
         "hemisphere held at its pole, pulled and pushed at its rim: how far the forces move",
         closed_hemisphere,
         meshes=("diagonal",),
+    ),
+    Test(
+        "pressurised_sphere",
+        PRESSURE * (1 - VESSEL.poisson) / (2 * VESSEL.young * WALL),
+        "closed form, p R^2 (1 - nu) / (2 E h); whole sphere",
+        "closed sphere under inner pressure: how far it swells",
+        pressurised_sphere,
+        (4, 8, 16),
+        ("diagonal",),
+    ),
+    Test(
+        "pressurised_cylinder",
+        PRESSURE / (VESSEL.young * WALL),
+        "closed form, p R^2 / (E h); whole tube",
+        "open tube under inner pressure: how far it swells",
+        pressurised_cylinder,
+        (16, 32, 64),
     ),
 ]

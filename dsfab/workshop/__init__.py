@@ -7,10 +7,9 @@ plates        discs, and flat designs in pieces         parts      flat parts an
 card_models   models in card                            ground     feet and base plates of models
 bars          straight bars on node plates              planks     upright planks with slots
 nesting       parts on sheets                           stock      prices and hints
-bodies        built members as bodies in space
-"""
+bodies        built members as bodies in space"""
 
-from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, half_plane_clip, placed_parts, plate_arms
+from dsfab.workshop.bars import BAR_CLEARANCE, PlateArm, placed_parts, plate_arms
 from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded_plan
 from dsfab.workshop.development import Development, StripCourse, member_course
 from dsfab.workshop.files import (
@@ -24,7 +23,7 @@ from dsfab.workshop.files import (
 )
 from dsfab.workshop.layers import Layering
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nest_parts
-from dsfab.workshop.parts import FlatPart, Hole
+from dsfab.workshop.parts import FlatPart, Hole, half_plane_clip
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
 from dsfab.workshop.plates import SheetJoint, layer_numbers, sheet_parts

@@ -85,8 +85,7 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
     overhang : least length beyond the first node and beyond the last node (m).
     extra_length : length of stations beyond the built part (m).
     A closed course begins in the middle of its longest bay. A course that curls up at an end stops before the curl."""
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     left_edge, right_edge = smooth_edge_distances(axis, member.sides)
     node_places = np.array([node.at[node.members.index(member.id)] for node in graph.nodes_along[member.id]])
     if axis.closed:
@@ -111,14 +110,12 @@ def member_course(graph: MemberGraph, member: Member, overhang: float, extra_len
 
 def turns_within_its_width(member: Member) -> Bools:
     """Return a mask (k,) of the stations at which the axis turns about a point that is within the width, or almost."""
-    assert member.axis is not None
-    return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
+    return np.asarray(np.abs(member.curve.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled_span(member: Member) -> tuple[float, float]:
     """Return the arc lengths of a member without ends that curl up. Such ends remain where a sharp turn was divided."""
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     reach = OBLIQUE_WIDTHS * float(np.median(member.width))
     if axis.closed or axis.length < 4 * reach:
         return 0.0, axis.length

@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
@@ -241,18 +241,13 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
                 sheet.write_row(k, 0, [_as_number(cell) for cell in row])
             sheet.freeze_panes(1, 1)
             sheet.autofilter(0, 0, len(table.rows), len(table.head) - 1)
-            for k, width in enumerate(_widths(table)):
-                sheet.set_column(k, k, width)
+            for k, column in enumerate(zip(table.head, *table.rows, strict=True)):
+                sheet.set_column(k, k, min(max(len(str(cell)) for cell in column) + 3, 40))
     return file.getvalue()
 
 
 def _as_number(cell: Cell) -> Cell:
     return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
-
-
-def _widths(table: PlanTable, widest: int = 40) -> Sequence[int]:
-    columns = zip(table.head, *table.rows, strict=True)
-    return [min(max(len(str(cell)) for cell in column) + 3, widest) for column in columns]
 
 
 NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "bars.csv", "sheet_"

@@ -10,11 +10,11 @@ from itertools import product
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, lock_floats
 from dsfab.core.messages import length
 from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
-from dsfab.workshop.parts import FlatPart, label
+from dsfab.workshop.parts import FlatPart, half_plane_clip, label
 
 STEEP_SINE = np.sin(np.radians(25.0))
 """Sine of the least slope of a strip with a tab in the plate; a flatter strip has no tab and is glued on the plate."""
@@ -55,9 +55,7 @@ class BasePlane:
     clearance: float
 
     def __post_init__(self) -> None:
-        lock(self, "point", np.float64, (3,))
-        lock(self, "up", np.float64, (3,))
-        lock(self, "supports", np.float64, (None, 3))
+        lock_floats(self, point=(3,), up=(3,), supports=(None, 3))
 
     @classmethod
     def from_supports(
@@ -217,18 +215,10 @@ def base_parts(
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) in a box, low and high corner (2, 2) [Sutherland, Hodgman]."""
+    """Return the part (k, 2) of a convex polygon (q, 2) in a box, low and high corner (2, 2)."""
     for axis, side in product((0, 1), (0, 1)):
-        sign = 1 if side == 0 else -1
-        inside = sign * (P[:, axis] - box[side, axis])
-        corners = list[Floats]()
-        for k in range(len(P)):
-            a, b = inside[k - 1], inside[k]
-            if (a < 0) != (b < 0):
-                corners.append(P[k - 1] + a / (a - b) * (P[k] - P[k - 1]))
-            if b >= 0:
-                corners.append(P[k])
-        P = np.array(corners).reshape(-1, 2)
+        sign = -1 if side == 0 else 1
+        P = half_plane_clip(P, sign * np.eye(2)[axis], sign * box[side, axis])
     return P
 
 

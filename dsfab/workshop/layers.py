@@ -6,7 +6,6 @@ r"""Layers of strips: the height of each family over the surface, and strip ends
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -102,6 +101,10 @@ class _StripEnd:
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)
 
+    def is_beside(self, other: "_StripEnd") -> bool:
+        width = (self.width + other.width) / 2
+        return self.name != other.name and bool(np.linalg.norm(self.places[0] - other.places[0]) < width)
+
     def clear_station(self, rival: "_StripEnd") -> float | None:
         """Return the arc length from which the strip is clear of a rival strip; None if the two do not overlap."""
         least = 0.98 * (self.width + rival.width) / 2
@@ -128,10 +131,9 @@ def shortened_courses(
         if not course.closed
         for at_end in (False, True)
     ]
-    neighbours = _neighbours(ends)
     accepted, stopped = list[_StripEnd](), dict[str, StripCourse]()
-    for k, end in enumerate(ends):
-        rivals = [x for x in accepted if (x in neighbours[k]) and frozenset((x.name, end.name)) not in joined]
+    for end in ends:
+        rivals = [x for x in accepted if end.is_beside(x) and frozenset((x.name, end.name)) not in joined]
         clear = [s for rival in rivals if (s := end.clear_station(rival)) is not None]
         if not clear:
             accepted.append(end)
@@ -150,15 +152,6 @@ def courses_without_curls(courses: Mapping[str, StripCourse], members: Sequence[
 def vanished_courses(stopped: Mapping[str, StripCourse], widths: Mapping[str, float]) -> set[str]:
     """Return the names of shortened courses whose length is less than their width (m); they are not built."""
     return {name for name, course in stopped.items() if course.end - course.begin < widths[name]}
-
-
-def _neighbours(ends: Sequence[_StripEnd]) -> list[set[_StripEnd]]:
-    neighbours = [set[_StripEnd]() for _ in ends]
-    for (i, a), (j, b) in combinations(enumerate(ends), 2):
-        if a.name != b.name and np.linalg.norm(a.places[0] - b.places[0]) < (a.width + b.width) / 2:
-            neighbours[i].add(b)
-            neighbours[j].add(a)
-    return neighbours
 
 
 def _shortened_course(

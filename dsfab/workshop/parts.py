@@ -12,7 +12,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, lock, read_only_copy
+from dsfab.core.arrays import Bools, Floats, distances_from_segments, lock, lock_floats, read_only_copy
 from dsfab.surface import as_circle, as_polyline, simplified_line
 
 if TYPE_CHECKING:
@@ -109,8 +109,7 @@ class FlatPart:
     thickness: float = 0.0
 
     def __post_init__(self) -> None:
-        lock(self, "outline", np.float64, (None, 2))
-        lock(self, "axis", np.float64, (None, 2))
+        lock_floats(self, outline=(None, 2), axis=(None, 2))
         for name in ("slots", "marks"):
             object.__setattr__(self, name, tuple(read_only_copy(x, np.float64, (None, 2)) for x in getattr(self, name)))
 
@@ -212,11 +211,8 @@ def shape_key(part: FlatPart) -> tuple[int, int]:
 
 def congruent(part_a: FlatPart, part_b: FlatPart) -> bool:
     """Return whether two parts along x have the same shape, directly or after half a turn; engravings do not matter."""
-    if shape_key(part_a) != shape_key(part_b) or part_a.thickness != part_b.thickness:
-        return False
-    if len(part_a.slots) != len(part_b.slots):
-        return False
-    if (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
+    keys = [(shape_key(part), part.thickness, len(part.slots)) for part in (part_a, part_b)]
+    if keys[0] != keys[1] or (np.abs(part_a.size - part_b.size) > 2 * SAME_DISTANCE).any():
         return False
     if (np.abs(part_a.radii - part_b.radii) > SAME_DISTANCE).any():
         return False
@@ -269,13 +265,35 @@ def _in_place_of(model: FlatPart, part: FlatPart, turn: int, distance: float, fi
 
 def _outline_distance(P: Floats, Q: Floats) -> float:
     """Return the largest distance (m) of the corners of a closed outline, (k, 2) or (l, 2), from the other outline."""
-    largest = 0.0
-    for corners, outline in ((P, Q), (Q, P)):
-        step, offset = np.roll(outline, -1, axis=0) - outline, corners[:, None] - outline
-        t = np.clip((offset * step).sum(axis=2) / np.maximum((step**2).sum(axis=1), 1e-30), 0, 1)
-        away = np.linalg.norm(offset - t[..., None] * step, axis=2).min(axis=1)
-        largest = max(largest, float(away.max()))
-    return largest
+    return max(float(distances_from_outline(*pair).max()) for pair in ((P, Q), (Q, P)))
+
+
+def distances_from_outline(points: Floats, outline: Floats) -> Floats:
+    """Return the distances (q,) of points (q, 2) from the sides of a closed polygon (k, 2)."""
+    return np.asarray(distances_from_segments(points[:, None], outline, np.roll(outline, -1, axis=0)).min(axis=1))
+
+
+def inside_outline(points: Floats, outline: Floats) -> Bools:
+    """Return a mask (q,) of the points (q, 2) in a closed polygon (k, 2): a ray crosses an odd number of its sides."""
+    a, b = outline, np.roll(outline, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    spans = (a[:, 1] > y) != (b[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing_x = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return np.asarray((spans & (x < crossing_x)).sum(axis=1) % 2 == 1)
+
+
+def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
+    """Return the part (k, 2) of a convex polygon (q, 2) in a half plane a . x <= b [Sutherland, Hodgman 1974]."""
+    excess = P @ a - b
+    corners = list[Floats]()
+    for k in range(len(P)):
+        before, after = excess[k - 1], excess[k]
+        if (before <= 0) != (after <= 0):
+            corners.append(P[k - 1] + before / (before - after) * (P[k] - P[k - 1]))
+        if after <= 0:
+            corners.append(P[k])
+    return np.array(corners).reshape(-1, 2)
 
 
 def label(text: str, middle: Floats, angle: float, height: float) -> tuple[Floats, ...]:

@@ -280,7 +280,7 @@ def _plan_for_stock(design: Design, up: Floats) -> WorkshopPlan:
     room = usable_sizes(options)
     graph, layering = (None, None) if flat else _graph_as_built(design)
     route = construction_route(design, graph, layering, up)
-    thickness = options.thickness or design.preset.statics.thickness / _model_scale(design)
+    thickness = options.thickness or design.preset.statics.thickness / (options.model or 1.0)
     if built := route.bars or route.planks:
         parts, notes, layering = list(built.parts), list(built.lines), None
     elif graph and layering and route.name == "panels":
@@ -317,10 +317,6 @@ def nested_by_thickness(parts: list[FlatPart], options: Workshop) -> tuple[list[
     return [sheet for sheets in nests for sheet in sheets], notes
 
 
-def _model_scale(design: Design) -> float:
-    return design.preset.workshop.model or 1.0
-
-
 MOST_FACES = 250_000  # of a cut sheet that is refined for drilling; its members take 15 s
 
 
@@ -345,7 +341,7 @@ def drilling_members(design: Design) -> tuple[MemberGraph, float]:
 
 def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
     options, graph = design.preset.workshop, design.members
-    thickness = options.thickness or design.preset.statics.thickness / options.layers / _model_scale(design)
+    thickness = options.thickness or design.preset.statics.thickness / options.layers / (options.model or 1.0)
     if not options.model:
         layering = Layering(thickness, options.layers, options.bolt, alike=options.alike)
         return drilling_members(design)[0], layering
@@ -355,7 +351,8 @@ def _graph_as_built(design: Design) -> tuple[MemberGraph, Layering]:
 
 
 def _flat_design_parts(design: Design, room: list[tuple[float, float]]) -> tuple[list[FlatPart], list[str]]:
-    options, surface, scale = design.preset.workshop, design.sheet.surface, _model_scale(design)
+    options, surface = design.preset.workshop, design.sheet.surface
+    scale = options.model or 1.0
     thickness = options.thickness or design.preset.statics.thickness / scale
     joint = SheetJoint(options.splice if options.splice in ("fingers", "scarf") else "butt", thickness)
     division = sheet_parts(scaled_surface(surface, scale) if options.model else surface, room, joint)

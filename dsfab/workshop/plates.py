@@ -19,7 +19,15 @@ from dsfab.members import Member, MemberGraph
 from dsfab.slicing import cut
 from dsfab.surface import Surface, link_components, nearest_places, weights_at
 from dsfab.workshop.layers import Layering
-from dsfab.workshop.parts import PART_LETTERS, FlatPart, Hole, label, polygon_area
+from dsfab.workshop.parts import (
+    PART_LETTERS,
+    FlatPart,
+    Hole,
+    distances_from_outline,
+    inside_outline,
+    label,
+    polygon_area,
+)
 from dsfab.workshop.splices import SCARF_SLOPE
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, is_strip
 
@@ -62,21 +70,14 @@ def _flat_plate(
     holes = []
     for node in graph.nodes_along[member.id]:
         hole_place = flat.flat_point(node.point + height * node.normal)
-        if node.id not in missed_nodes and _is_inside(outline, hole_place, HOLE_EDGE_DISTANCE * bolt):
+        away = distances_from_outline(hole_place[None], outline)[0]
+        is_inside = inside_outline(hole_place[None], outline)[0] and away >= HOLE_EDGE_DISTANCE * bolt
+        if is_inside and node.id not in missed_nodes:
             holes.append(Hole(hole_place, bolt, node.id))
     middle = outline.mean(axis=0)
     marks = label(member.id, middle, 0.0, min(PART_LETTERS, 0.1 * float(np.ptp(outline, axis=0).min())))
     part = FlatPart(member.id, member.id, (0.0, 0.0), outline, tuple(holes), tuple(slots), marks, height, flat.strain)
     return part.along_x()
-
-
-def _is_inside(outline: Floats, place: Floats, least: float) -> bool:
-    a, b = outline, np.roll(outline, -1, axis=0)
-    t = np.clip(((place - a) * (b - a)).sum(axis=1) / np.maximum(((b - a) ** 2).sum(axis=1), 1e-30), 0, 1)
-    away = np.linalg.norm(place - a - t[:, None] * (b - a), axis=1).min()
-    crosses = (a[:, 1] > place[1]) != (b[:, 1] > place[1])
-    x = a[:, 0] + (place[1] - a[:, 1]) / np.where(b[:, 1] == a[:, 1], 1.0, b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    return bool(np.sum(crosses & (x > place[0])) % 2) and bool(away >= least)
 
 
 @dataclass(frozen=True, eq=False)

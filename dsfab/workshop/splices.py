@@ -23,10 +23,11 @@ class Cuts:
     near_nodes: int
 
 
-def oriented_box(outline: Floats, along: Floats) -> tuple[float, float]:
-    """Return length and width of the box around points (k, 2) along a direction (2,)."""
+def box_fits(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
+    """Return whether the box around points (k, 2) along a direction (2,) fits into one of the rectangles."""
     direction = along / np.linalg.norm(along)
-    return float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
+    a, b = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
+    return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
@@ -36,10 +37,7 @@ def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float
             between the middles of its ends gave lengths 0.8 mm too short."""
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
-    if np.ptp(turns) > np.pi or polygon_area(outline) <= 0:
-        return False
-    a, b = oriented_box(outline, along)
-    return any((a <= x and b <= y) or (b <= x and a <= y) for x, y in room)
+    return bool(np.ptp(turns) <= np.pi and polygon_area(outline) > 0) and box_fits(outline, along, room)
 
 
 def splice_cuts(

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -67,11 +66,6 @@ LEAST_SAVING = 0.04  # smallest saving that is worth a hint, as a share of the s
 StockSizes = Sequence[tuple[float, float]]
 
 
-class _NestOptions(NamedTuple):
-    gap: float
-    grain: bool
-
-
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool = False
 ) -> list[str]:
@@ -80,8 +74,7 @@ def sheet_hints(
     stock : lengths and widths (m).    gap : metres.    grain : as for `nest_parts`."""
     if len(parts) * len(sheets) > 20_000:
         return []
-    options = _NestOptions(gap, grain)
-    return [*_narrower_hint(parts, sheets, stock, options), *_larger_hint(parts, sheets, stock, options)]
+    return [*_narrower_hint(parts, sheets, stock, gap, grain), *_larger_hint(parts, sheets, stock, gap, grain)]
 
 
 def narrow_strip(part: FlatPart, share: float) -> FlatPart:
@@ -104,7 +97,7 @@ def _widths(parts: Sequence[FlatPart]) -> Floats:
 
 
 def _narrower_hint(
-    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool
 ) -> Iterator[str]:
     widths = _widths(parts)
     if not len(widths):
@@ -118,7 +111,7 @@ def _narrower_hint(
         if new_width < 3 * bolt or new_width >= width:
             return
         limit = int((1 - LEAST_SAVING) * len(sheets) + 1e-9)
-        trial = _trial_nest([narrow_strip(part, new_width / width) for part in parts], stock, options, limit)
+        trial = _trial_nest([narrow_strip(part, new_width / width) for part in parts], stock, gap, limit, grain)
         if trial is not None:
             how = f"{length(new_width)} wide instead of {length(width)}" if alike else f"{1 - share:.0%} narrower"
             saving = _saving_text(trial, sheets)
@@ -127,7 +120,7 @@ def _narrower_hint(
 
 
 def _larger_hint(
-    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, options: _NestOptions
+    parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: StockSizes, gap: float, grain: bool
 ) -> Iterator[str]:
     """Yield a hint if longer or wider stock would need less area in total, for stock of a single size."""
     if len(stock) != 1:
@@ -135,7 +128,7 @@ def _larger_hint(
     ((long, wide),), larger = stock, 1.1
     for size in ((larger * long, wide), (long, larger * wide)):
         limit = int((1 - LEAST_SAVING) * len(sheets) / larger + 1e-9)
-        trial = _trial_nest(parts, [size], options, limit)
+        trial = _trial_nest(parts, [size], gap, limit, grain)
         if trial is not None:
             yield (
                 f"stock of {size[0]:.4g} x {size[1]:.4g} m would need {_saving_text(trial, sheets)}, "
@@ -145,12 +138,10 @@ def _larger_hint(
 
 
 def _trial_nest(
-    parts: Sequence[FlatPart], stock: StockSizes, options: _NestOptions, limit: int
+    parts: Sequence[FlatPart], stock: StockSizes, gap: float, limit: int, grain: bool
 ) -> list[NestedSheet] | None:
     room = 0.95 * limit * max(a * b for a, b in stock)
-    if sum(part.area for part in parts) > room:
-        return None
-    return stack_parts(parts, stock, options.gap, limit, options.grain)
+    return None if sum(part.area for part in parts) > room else stack_parts(parts, stock, gap, limit, grain)
 
 
 def _saving_text(tried: Sequence[NestedSheet], sheets: Sequence[NestedSheet]) -> str:

@@ -262,8 +262,7 @@ class StripLimits:
     bending : largest bending strain, at `member`.
     shape   : largest strain |K| w^2 / 12 that the Gauss curvature K of the surface causes in a strip of width w.
     limit   : strain at the material's strength; 0 if the preset has none.
-    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m).
-    """
+    edge    : mean edge of the mesh (m).    wanted_edge : `drilling_edge` (m)."""
 
     thickness: float
     bending: float
@@ -324,9 +323,8 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
     bends, shapes = [0.0], [0.0]
     for member in strips:
         calm = calm_stations(member)
-        assert member.axis is not None
-        bends.append(float(np.abs(member.axis.kn[calm]).max(initial=0.0)))
-        nearest = np.asarray(tree.query(member.axis.P[calm])[1])
+        bends.append(float(np.abs(member.curve.kn[calm]).max(initial=0.0)))
+        nearest = np.asarray(tree.query(member.curve.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[nearest]))) * member.mean_width**2 / 12 if len(nearest) else 0.0)
     worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # takes the first of several equal bends
     name = strips[worst - 1].id if worst else "none"
@@ -335,8 +333,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
 
 def calm_stations(member: Member) -> Ints:
     """Return the numbers (q,) of the stations of a member's axis where its curvature is reliable."""
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     past = 0.0 if axis.closed else min(UNCERTAIN_WIDTHS * member.mean_width, axis.length / 3)
     return np.flatnonzero((axis.s >= past) & (axis.s <= axis.length - past))
 

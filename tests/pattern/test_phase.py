@@ -54,6 +54,11 @@ def signs(count: int, seed: int = 0) -> np.ndarray:
 # --- stripes of a plate
 
 
+def single_valued(phase):
+    """Whether one number at each vertex serves all faces."""
+    return not phase.singular.any() and (phase.sign == 1).all() and (phase.shift == 0).all()
+
+
 @pytest.mark.parametrize("angle", [0.0, 0.4, 1.3, 2.8])
 @pytest.mark.parametrize("spacing", [0.31, 0.5])
 def test_on_a_plate_phases_are_linear_and_the_spacing_exact(angle, spacing):
@@ -62,7 +67,7 @@ def test_on_a_plate_phases_are_linear_and_the_spacing_exact(angle, spacing):
     g = np.array([np.cos(angle), np.sin(angle), 0.0])
     flow = Flow(Frames.for_surface(plate), g * signs(plate.n), np.full(plate.n, 1 / spacing))
     phase = corner_phase(flow, flow.solve(np.exp(-plate.V[:, 0]), nowhere(plate)))
-    assert phase.single_valued
+    assert single_valued(phase)
     gradients = phase.gradients(plate)
     sign = np.sign(gradients[0] @ g)
     assert gradients == pytest.approx(np.tile(sign * g / spacing, (plate.m, 1)), abs=1e-6)
@@ -323,7 +328,7 @@ def test_circles_are_even():
     assert np.abs(u).max() < 0.01
     flow = Flow(Frames.for_surface(ring), g * signs(ring.n), np.full(ring.n, 3.0))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
-    assert phase.single_valued
+    assert single_valued(phase)
     assert np.linalg.norm(phase.gradients(ring), axis=1) == pytest.approx(3.0, rel=0.05)
 
 
@@ -333,7 +338,7 @@ def test_a_ring_of_rays_has_as_many_lines_inside_as_outside():
     r = np.linalg.norm(ring.V, axis=1)
     flow = Flow(Frames.for_surface(ring), around(ring) * signs(ring.n), 6 / (np.pi * r))
     phase = corner_phase(flow, flow.solve(np.ones(ring.n), nowhere(ring)))
-    assert phase.single_valued
+    assert single_valued(phase)
     angle = np.arctan2(ring.V[:, 1], ring.V[:, 0])
     angle = np.where(angle > 1e-6, angle - 2 * np.pi, angle)
     slope, off = np.polyfit(angle, phase.value, 1)

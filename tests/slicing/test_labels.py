@@ -18,6 +18,11 @@ from tests.slicing.striped_balls import openings, striped_ball
 from tests.slicing.stripes import LEVELS, dumbbell, plain, regauged, ripples, striped, widths
 
 
+def fillets(sheet: Sheet) -> np.ndarray:
+    """(f, 7) centre, unit axis and radius of each fillet, metres."""
+    return sheet.lines.circle[sheet.lines.kind == LineKind.FILLET]
+
+
 def outline(sheet: Sheet) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Lines (k,), and first and last vertices (k,), of the outline of a material sheet, after a check of its labels.
 
@@ -127,8 +132,8 @@ def check_fillets(sheet: Sheet, radii: np.ndarray, count: int) -> None:
     line, start, end = outline(material)
     kind, circle = material.lines.kind[line], material.lines.circle[line]
     fillet = kind == LineKind.FILLET
-    assert len(material.lines.fillets) == count == len(np.unique(line[fillet]))
-    assert sorted(material.lines.fillets[:, 6]) == pytest.approx(sorted(radii))
+    assert len(fillets(material)) == count == len(np.unique(line[fillet]))
+    assert sorted(fillets(material)[:, 6]) == pytest.approx(sorted(radii))
     middle, axis, radius = circle[fillet, :3], circle[fillet, 3:6], circle[fillet, 6]
     for vertex in (start[fillet], end[fillet]):
         away = material.surface.V[vertex] - middle
@@ -144,7 +149,7 @@ def test_a_design_notes_as_many_fillets_as_its_sheet_knows(preset):
     design = dsfab.run(with_overrides(dsfab.load_preset(preset), edits))
     outline(design.sheet)
     note = next(text for _, text in design.notes if "corners of openings were rounded" in text)
-    assert int(note.split()[0]) == len(design.sheet.lines.fillets)
+    assert int(note.split()[0]) == len(fillets(design.sheet))
 
 
 def test_bridges_and_discs_are_known():

@@ -28,13 +28,12 @@ from dsfab.workshop.bars import (
     bar_lattice,
     bar_part,
     bar_plan,
-    half_plane_clip,
     member_lattice,
     mitre_length,
 )
 from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
 from dsfab.workshop.files import bar_rows, part_drawing, table_csv
-from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.parts import half_plane_clip, polygon_area
 from dsfab.workshop.plan import construction_route, design_bars
 from dsfab.workshop.planks.slots import PlankCrossings
 from tests.analytic import SURFACES

@@ -227,11 +227,6 @@ class Fronts:
         return cls(order, unknowns[front_starts], rows, children, entry, row, column, pointer)
 
     @property
-    def entries(self) -> int:
-        """Number of values in the factor, 8 bytes each."""
-        return int(sum(k * (k + len(rows)) for k, rows in zip(np.diff(self.start).tolist(), self.rows, strict=True)))
-
-    @property
     def peak(self) -> int:
         """Largest number of values in memory during the factorisation: the factor, waiting updates and one front."""
         stored = waiting = worst = 0

@@ -70,8 +70,7 @@ class MemberBays:
 def _member_bays(
     graph: MemberGraph, forces: MemberForces
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Floats, Floats, Floats, Floats]]:
-    axis, nodes = graph.by_id[forces.member].axis, graph.nodes_along[forces.member]
-    assert axis is not None
+    axis, nodes = graph.by_id[forces.member].curve, graph.nodes_along[forces.member]
     lengths = graph.bays(forces.member).tolist()
     length_by_name = {f"{nodes[k].id} {nodes[(k + 1) % len(nodes)].id}": length for k, length in enumerate(lengths)}
     names = forces.bay[::STATIONS]

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.core.arrays import Floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.materials import NO_STRENGTH
 from dsfab.core.messages import length
@@ -74,12 +73,13 @@ def _method(rules: Rules, thickness: float) -> CheckMethod:
     if not rules.strength:
         raise StaticsError(NO_STRENGTH)
     what = f"dsfab has none for {rules.material}" if rules.material else "the preset names no material"
-    bent = _bent(rules)
-    return (
-        lambda bays, case: plain_checks(bays, bays.forces[case], rules.strength, bent(bays)),
-        f"no standard: {what}; stress over the strength of the preset, {rules.strength / 1e6:g} MPa",
-        iter(["The material counts as isotropic, and buckling is not checked."]),
-    )
+
+    def check(bays: MemberBays, case: str) -> CheckRatios:
+        bent = rules.young * rules.timber.layer * np.abs(bays.curvature) / 2
+        return plain_checks(bays, bays.forces[case], rules.strength, bent)
+
+    standard = f"no standard: {what}; stress over the strength of the preset, {rules.strength / 1e6:g} MPa"
+    return check, standard, iter(["The material counts as isotropic, and buckling is not checked."])
 
 
 def _steel_method(grade: SteelGrade, rules: Rules, thickness: float) -> CheckMethod:
@@ -128,7 +128,3 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
         )
     else:
         yield "Members are made in their final shape, so no bending into shape adds stress (eurocode.bent_in)."
-
-
-def _bent(rules: Rules) -> Callable[[MemberBays], Floats]:
-    return lambda bays: np.asarray(rules.young * rules.timber.layer * np.abs(bays.curvature) / 2)

@@ -77,8 +77,7 @@ def beams_along(joints: AxisJoints) -> Beams:
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     stations = sorted(joints.on[member.id])
     if axis.closed:
         stations = stations or [(0.0, joints.node(axis.P[0], f"{member.id} 0"))]
@@ -98,8 +97,7 @@ def _bay(
     joints: AxisJoints, member: Member, number: int, begin: tuple[float, int], end: tuple[float, int]
 ) -> list[BeamRow]:
     (s, node_a), (t, node_b) = begin, end
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     if t - s < (0.5 if node_a == node_b else SHORT) * member.mean_width:
         return []
     around = member.length if axis.closed else np.inf
@@ -128,8 +126,7 @@ def _divide_bay(
     member: Member, span: tuple[float, float], joint_widths: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
     """Return arc lengths (k + 1,) that divide a bay into joints and straight beams, and added widths (k,) of joints."""
-    (s, t), axis = span, member.axis
-    assert axis is not None
+    (s, t), axis = span, member.curve
     half = fitting(np.array(joint_widths) / 2, t - s)
     half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are left out
     fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)

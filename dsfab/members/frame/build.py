@@ -54,23 +54,10 @@ def frame_of(
     forces = {name: np.concatenate([force, np.zeros((len(points) - len(force), 6))]) for name, force in forces.items()}
     axis = flat_axis(surface, *loads.values())
     fixed = fixed if axis is None else fixed_in_plane(fixed, axis)
-    return Frame(
-        points,
-        distinct_names(names),
-        beams.ends,
-        _local_z(points, beams),
-        beams.width,
-        np.full(len(beams.width), thickness),
-        beams.member,
-        tuple(member.id for member in joints.members_with_axis),
-        fixed,
-        spring,
-        forces,
-        material,
-        dict(combinations),
-        beams.shift,
-        beams.stout,
-    )
+    members = tuple(member.id for member in joints.members_with_axis)
+    sections = beams.ends, _local_z(points, beams), beams.width, np.full(len(beams.width), thickness), beams.member
+    loads = forces, material, dict(combinations)
+    return Frame(points, distinct_names(names), *sections, members, fixed, spring, *loads, beams.shift, beams.stout)
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:
@@ -91,13 +78,9 @@ def _merge_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats
     used, first_node = np.unique(label, return_index=True)
     ends = np.searchsorted(used, label[beams.ends])
     chosen = np.flatnonzero(ends[:, 0] != ends[:, 1])
-    return _used_nodes(points[first_node], beams.subset(chosen, ends), [names[k] for k in first_node])
-
-
-def _used_nodes(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    used, ends = np.unique(beams.ends, return_inverse=True)
-    every = np.arange(len(beams.ends))
-    return points[used], beams.subset(every, ends.reshape(-1, 2)), [names[k] for k in used]
+    nodes, new_ends = np.unique(ends[chosen], return_inverse=True)
+    ends[chosen] = new_ends.reshape(-1, 2)
+    return points[first_node[nodes]], beams.subset(chosen, ends), [names[k] for k in first_node[nodes]]
 
 
 def _connect_parts(points: Floats, beams: Beams) -> Beams:

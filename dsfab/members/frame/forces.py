@@ -111,30 +111,14 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
     point = np.where(ends[:, None] == 0, a[rows], b[rows])
     out = along[rows] * np.where(ends == 0, -1.0, 1.0)[:, None]
     station = plane // PLANES
-    return Sections(
-        station,
-        face,
-        length / PLANES,
-        np.stack([a - P, b - P], axis=1),
-        weight,
-        across,
-        station[rows],
-        face[rows],
-        point - P[rows],
-        weight[rows, ends],
-        across[rows],
-        out,
-    )
+    lines = station, face, length / PLANES, np.stack([a - P, b - P], axis=1), weight, across
+    return Sections(*lines, station[rows], face[rows], point - P[rows], weight[rows, ends], across[rows], out)
 
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
-    ends = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
-    edge_vertices = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
+    corners = (np.take_along_axis(surface.F[face], which, axis=1) for which in (begins, (begins + 1) % 3))
+    ends, edge_vertices = np.sort(np.stack([*corners], axis=-1)), np.sort(surface.edges.ends[surface.edges.of[face]])
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
-
-
-def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:
-    return np.asarray(np.take_along_axis(surface.F[face], which, axis=1))
 
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
@@ -188,8 +172,7 @@ def forces_along(
     graph: MemberGraph, member: Member, s: Floats, bays: tuple[str, ...], forces: Mapping[str, SectionForces]
 ) -> MemberForces:
     """Return the forces of a member at arc lengths (k,) of its axis, metres, in bays (k,)."""
-    assert member.axis is not None
-    surface, axis = graph.sheet.surface, member.axis
+    surface, axis = graph.sheet.surface, member.curve
     cut = sections(surface, member.cells, axis, s)
     _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
     axes = np.stack([T, np.cross(N, T), N], axis=1)

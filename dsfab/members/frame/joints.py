@@ -49,12 +49,11 @@ class AxisJoints:
 
     def place(self, member: Member, s: float, name: str) -> int:
         """Return the node of a member at an arc length; add a node if there is none."""
-        assert member.axis is not None
         tolerance = SAME * member.mean_width
         for station, number in self.on[member.id]:
             if _distance(member, station, s) < tolerance:
                 return number
-        number = self.node(member.axis.frames_at(np.array([s]))[0][0], name)
+        number = self.node(member.curve.frames_at(np.array([s]))[0][0], name)
         self.on[member.id].append((s, number))
         return number
 
@@ -111,8 +110,7 @@ def link_members(joints: AxisJoints, members: list[Member], lengths: tuple[float
 
 def _distance(member: Member, s: float, t: float) -> float:
     gap = abs(s - t)
-    assert member.axis is not None
-    return min(gap, member.length - gap) if member.axis.closed else gap
+    return min(gap, member.length - gap) if member.curve.closed else gap
 
 
 Trees = Mapping[str, tuple[cKDTree, Floats]]
@@ -192,7 +190,6 @@ def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] 
 
 
 def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> None:
-    assert member.axis is not None
     nearest = _nearest(joints, member, s)
     if nearest and abs(nearest[0] - s) < SAME * member.mean_width:
         return
@@ -211,23 +208,20 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
     """Yield ends without a node: arc length, the member that continues the end or "free", and the width there (m)."""
-    assert member.axis is not None
-    if not member.axis.closed:
+    if not member.curve.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
             if what == "free" or what in joints.graph.by_id:
                 yield s, what, max(width, member.mean_width)
 
 
 def _point(member: Member, s: float) -> Floats:
-    assert member.axis is not None
-    return np.asarray(member.axis.frames_at(np.array([s]))[0][0])
+    return np.asarray(member.curve.frames_at(np.array([s]))[0][0])
 
 
 def _samples(member: Member) -> tuple[Floats, Floats]:
-    assert member.axis is not None
     count = int(np.clip(4 * member.length / max(member.mean_width, 1e-9), 8, 400))
     s = np.linspace(0, member.length, count + 1)
-    return s, member.axis.frames_at(s)[0]
+    return s, member.curve.frames_at(s)[0]
 
 
 def add_hubs(joints: AxisJoints) -> None:
@@ -238,10 +232,5 @@ def add_hubs(joints: AxisJoints) -> None:
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:
-            hub = joints.node(_middle(member), f"{member.id} hub")
+            hub = joints.node(member.axis.P[:-1].mean(axis=0), f"{member.id} hub")
             joints.links += [(hub, number, member.length / len(nodes)) for number in nodes]
-
-
-def _middle(member: Member) -> Floats:
-    assert member.axis is not None
-    return np.asarray(member.axis.P[:-1].mean(axis=0))

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock, read_only_copy
+from dsfab.core.arrays import Bools, Floats, Ints, lock, lock_floats, read_only_copy
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Equilibrium
 
@@ -162,10 +162,7 @@ class FrameAnswer:
     compliance: float
 
     def __post_init__(self) -> None:
-        lock(self, "u", np.float64, (None, 6))
-        lock(self, "reaction", np.float64, (len(self.u), 6))
-        lock(self, "end", np.float64, (None, 2, 6))
-        lock(self, "energy", np.float64, (len(self.end),))
+        lock_floats(self, u=(None, 6), reaction=(len(self.u), 6), end=(None, 2, 6), energy=(len(self.end),))
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:

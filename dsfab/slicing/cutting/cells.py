@@ -23,8 +23,7 @@ class Cells:
                its level l have -1 - l.
 
     A slot is an index into `corner`. It also stands for the side from that corner to the next. `PolygonMesh` and
-    `Split` use this array; it has neither positions nor families, so it is no sheet by itself.
-    """
+    `Split` use this array; it has neither positions nor families, so it is no sheet by itself."""
 
     start: Ints
     corner: Ints
@@ -144,8 +143,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
 
     X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
-    has an area, too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit.
-    """
+    has an area, too. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -171,8 +169,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
     """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997].
 
-    a, b, c : (3, g) corners.
-    """
+    a, b, c : (3, g) corners."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -191,19 +188,15 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     if size == 3:
         return polygons, np.arange(g)
     P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
-    quality_of_chord = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
+    best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)
     for span in range(2, size):
         for i in range(size - span):
             j = i + span
-            worst = np.stack(
-                [
-                    np.minimum(np.minimum(quality_of_chord[i, k], quality_of_chord[k, j]), _quality(P[i], P[k], P[j]))
-                    for k in range(i + 1, j)
-                ]
-            )
+            each_apex = [(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
+            worst = np.stack([np.minimum(*qualities) for qualities in each_apex])
             apex[i, j] = i + 1 + worst.argmax(axis=0)
-            quality_of_chord[i, j] = worst.max(axis=0)
+            best[i, j] = worst.max(axis=0)
     return _chosen_triangles(polygons, apex)
 
 
@@ -244,9 +237,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction: a line closer to a vertex than this share of an edge goes through the vertex, even at snap =
-0.
-"""
+"""Least snap fraction: a line closer to a vertex than this share of an edge goes through it, even at snap = 0."""
 TIP = 1e-3
 """Both edges of a stripe of varying width meet where they are closer than this share of a side."""
 
@@ -266,8 +257,7 @@ def snap_values(
 
     sides      : the vertices at both ends of each edge.
     difference : the range of each edge.
-    free       : (n,) values that may move.
-    """
+    free       : (n,) values that may move."""
     level = nearest_levels(x, levels)
     gap = np.abs(x - level)
     may_snap = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
@@ -284,8 +274,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
     reach : (n, 2) the largest range of each field over the edges at a vertex; distances to levels are relative to it.
 
     The second value of a pair moves by as much, so that a stripe keeps its width, but never across a level. Two
-    fields at a constant distance move like a single field that has the levels of both fields.
-    """
+    fields at a constant distance move like a single field that has the levels of both fields."""
     level = np.stack([nearest_levels(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)

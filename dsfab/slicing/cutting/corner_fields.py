@@ -26,8 +26,7 @@ class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
     values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
-    sign, shift, blank : (h,) the polygon of a slot sees sign * value + shift there, or no value in a blank slot.
-    """
+    sign, shift, blank : (h,) the polygon of a slot sees sign * value + shift there, or no value in a blank slot."""
 
     mesh: PolygonMesh
     field: CornerField
@@ -65,10 +64,8 @@ class PolygonField:
         if len(turned_slots):
             vertex, slot_face = mesh.cells.corner[turned_slots], face[turned_slots]
             lead_face, support_vertex = lead[vertex], mesh.support[vertex]
-            slot, lead_slot = (
-                3 * slot_face + mesh.corner(slot_face, support_vertex),
-                3 * lead_face + mesh.corner(lead_face, support_vertex),
-            )
+            slot = 3 * slot_face + mesh.corner(slot_face, support_vertex)
+            lead_slot = 3 * lead_face + mesh.corner(lead_face, support_vertex)
             sign[turned_slots] = field.sign.ravel()[slot] * field.sign.ravel()[lead_slot]
             shift[turned_slots] = field.shift.ravel()[slot] - sign[turned_slots] * field.shift.ravel()[lead_slot]
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
@@ -118,8 +115,7 @@ class PolygonField:
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
         """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly.
 
-        lines : (l, 1) the lines of the mesh on the levels.
-        """
+        lines : (l, 1) the lines of the mesh on the levels."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
         cut = self.slot_values(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -164,8 +160,7 @@ def corner_band(
     edges : (l, 2) the lines of the mesh that are the edges of each stripe.
 
     If neighbours see the field with opposite signs, the upper edge of a stripe in one face is its lower edge in the
-    next face. Levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices.
-    """
+    next face. Levels of both edges divide such a mesh edge before the cut, so that both faces get the same vertices."""
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
         void &= _cells_to_cut(mesh, field.wanted)
@@ -219,8 +214,7 @@ class StripeCut:
     """A corner field during a cut, with the polygons (c,) that are active or solid.
 
     source : (c,) the polygon that each was before the last split.
-    edges  : (l, 2) lines of the mesh, see `corner_band`.
-    """
+    edges  : (l, 2) lines of the mesh, see `corner_band`."""
 
     seen: PolygonField
     levels: Floats
@@ -277,8 +271,7 @@ class StripeCut:
         """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strip (c',)
         of each.
 
-        above : whether a polygon on a level belongs to the strip above. Every new polygon has an area.
-        """
+        above : whether a polygon on a level belongs to the strip above. Every new polygon has an area."""
         state = self.with_snapped_values(side)
         for _ in range(ROUNDS):
             seen, mesh = state.seen, state.seen.mesh

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.sparse import csr_array, vstack
 
-from dsfab.core.arrays import Bools, Floats, Ints, first_few, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, first_few, sorted_order
 from dsfab.core.errors import PatternError, SurfaceError
 from dsfab.slicing.cutting.cells import (
     SNAP_FLOOR,
@@ -73,8 +73,7 @@ def cut_polygons(
 ) -> PolygonMesh:
     """Return the polygons of `cut` before they are filled with triangles.
 
-    mesh : the faces of the surface as void polygons, with lines of an earlier cut.
-    """
+    mesh : the faces of the surface as void polygons, with lines of an earlier cut."""
     return polygons_along(surface, fields, *checked_lines(surface, fields, levels), snap, mesh=mesh)
 
 
@@ -89,8 +88,7 @@ def polygons_along(
 ) -> PolygonMesh:
     """Cut a surface as `cut_polygons` does, along the values and levels of `checked_lines`.
 
-    divided_again : rule for material that later fields divide, too (see `DividedAgain`); default: none.
-    """
+    divided_again : rule for material that later fields divide, too (see `DividedAgain`); default: none."""
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
@@ -141,8 +139,7 @@ def _plain_splits(
 ) -> tuple[list[Split], Bools]:
     """Split the void polygons by values x of one field or of a pair at their vertices; return also the material's mask.
 
-    edges : (l, 1 or 2) the lines of the mesh on the levels of each field.
-    """
+    edges : (l, 1 or 2) the lines of the mesh on the levels of each field."""
     if x.ndim == 2:
         return _band(mesh, x, lines, snap, size, edges)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -158,8 +155,7 @@ def _band(
 
             x[:, 0] = level . ' material
         . '        ' .                      The two lines of a stripe meet at its tip: there the second split
-          void         x[:, 1] = level      finds the vertex of the first split on its level.
-    """
+          void         x[:, 1] = level      finds the vertex of the first split on its level."""
     cells, X, void = mesh.cells, mesh.X, mesh.void | mesh.again
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -180,14 +176,12 @@ def _band(
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
     """Fill polygons (c,) with triangles; return also the polygon (m',) of each, ascending, and lines of sides (m', 3).
 
-    Raises PatternError for triangles without area; the error names their parent faces (c,).
-    """
+    Raises PatternError for triangles without area; the error names their parent faces (c,)."""
     F, cell = triangulate(cells, X)
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
     except SurfaceError as refused:
-        a, b, c = (X[F[:, i]] for i in range(3))
-        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        areas = 0.5 * np.linalg.norm(area_vectors(X, F), axis=1)
         bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
         raise PatternError(
             f"{len(bad)} of {len(F)} cells have no area (in faces {first_few(np.unique(parent[cell[bad]]))}); "
@@ -220,8 +214,7 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
     """The levels without repetitions: an odd number of equal levels leaves one level, an even number none.
 
-    For a pair of fields, any number of equal levels leaves one level.
-    """
+    For a pair of fields, any number of equal levels leaves one level."""
     values = np.asarray(levels, dtype=np.float64)
     if values.ndim != 1 or not np.isfinite(values).all() or (np.diff(values) < 0).any():
         raise PatternError(f"the levels of field {k} must be finite and ascending")
@@ -237,8 +230,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
     """Return cells (k,) of a sheet as polygons to cut, with their neighbours, whose sides get new vertices, too.
 
-    Returns also the cell (c,) of each polygon, ascending. Vertices keep their order.
-    """
+    Returns also the cell (c,) of each polygon, ascending. Vertices keep their order."""
     surface = sheet.surface
     selected = np.zeros(surface.m, dtype=bool)
     selected[cells] = True
@@ -256,8 +248,7 @@ def recut_polygons(sheet: Sheet, cells: Ints) -> tuple[PolygonMesh, Ints]:
 def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
     """Return a sheet with the cells of `recut_polygons` replaced by divided polygons.
 
-    source : (c,) the cell of the sheet that each polygon is a part of.
-    """
+    source : (c,) the cell of the sheet that each polygon is a part of."""
     surface = sheet.surface
     stay = np.ones(surface.m, dtype=bool)
     stay[source] = False

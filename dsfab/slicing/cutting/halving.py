@@ -2,8 +2,7 @@
 
 Where lines crowd, the halving leaves out every second line, or three lines of four: line k stays if it is a multiple
 of 2^level. Lines must end on lines. So each opening between lines that are always drawn has one level: first openings
-between the coarse lines of both families, then also between the finer lines of the first family.
-"""
+between the coarse lines of both families, then also between the finer lines of the first family."""
 
 from dataclasses import dataclass, replace
 
@@ -27,8 +26,7 @@ class LineHalving:
 
     mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : both fields; lines that nearly met a vertex are moved onto it.
-    first  : the family that was halved first; lines of the second family may end on its lines.
-    """
+    first  : the family that was halved first; lines of the second family may end on its lines."""
 
     mesh: PolygonMesh
     level: Ints
@@ -59,8 +57,7 @@ def halve_lines(
 
     target         : (m,) each, wanted number of halvings; an opening takes its mean, rounded down (`split_value`).
     level_limits   : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
-    uncapped_target : (m,) each, targets without limits; used if they make spacings more even by `GAIN`.
-    """
+    uncapped_target : (m,) each, targets without limits; used if they make spacings more even by `GAIN`."""
     mesh, uncapped_target = PolygonMesh.from_surface(surface), uncapped_target or target
     level = np.zeros((surface.m, 2), dtype=np.int64)
     if not any(level_limits):
@@ -135,8 +132,7 @@ def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Fl
     """(c,) number of halvings in each polygon's opening: its mean target, rounded down by `split_value`, and limited.
 
     Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and
-    0.4 is halved once under a limit of 1; with capped targets it never would be.
-    """
+    0.4 is halved once under a limit of 1; with capped targets it never would be."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
     count, opening = link_components(len(mesh.parent), owner[slot_a[open_]], owner[slot_b[open_]])

@@ -25,8 +25,7 @@ class PolygonMesh:
     again : (c,) material that later fields divide, too.
     also  : (c,) a second field that makes the same polygon material, at a crossing; else `VOID`.
     stubs : number of removed and straightened stripes, see `Sheet`.
-    lines : the lines that sides of polygons lie on, see `Cells.sides_on`.
-    """
+    lines : the lines that sides of polygons lie on, see `Cells.sides_on`."""
 
     F: Ints
     cells: Cells
@@ -96,8 +95,7 @@ class PolygonMesh:
     def after_split(self, split: Split, lines: Ints | None = None) -> "PolygonMesh":
         """Return the mesh divided by a split.
 
-        lines : (l or 1, c' or 1) the line of each level of the split in each new polygon; None for no lines.
-        """
+        lines : (l or 1, c' or 1) the line of each level of the split in each new polygon; None for no lines."""
         weights = weights_after_split(self.weights, split)
         cells = split.cells.with_new_lines(np.zeros((1, 1), dtype=np.int64) if lines is None else lines)
         names, source = ("parent", "family", "again", "also"), split.source
@@ -107,8 +105,7 @@ class PolygonMesh:
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
         """(p,) each, for inner edges: the slots of their two sides, and the second polygon's slot at the start of the
-        first side.
-        """
+        first side."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -172,8 +169,7 @@ class Contacts:
     parts  : (k, 2) both parts of each stretch; the second is -1 for an edge of the surface or an anchor.
     length : (k,) metres.
     links  : (l, 2) consecutive stretches of one part. Stretch i has number i for its first part, i + k for its second.
-    around : (p,) length of each part's outline, metres.
-    """
+    around : (p,) length of each part's outline, metres."""
 
     parts: Ints
     length: Floats
@@ -184,8 +180,7 @@ class Contacts:
     def from_parts(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
         """Return the contacts of parts (c,); consecutive sides between the same two parts make one stretch.
 
-        anchor : (n,) uncut vertices at which stripes may end.
-        """
+        anchor : (n,) uncut vertices at which stripes may end."""
         slot_a, slot_b, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[slot_a]], part[owner[slot_b]]
@@ -227,8 +222,7 @@ class Contacts:
         """(p,) parts with one contact only, to a part or an edge of the surface, along less than half of their outline.
 
         gone : (p,) parts that are removed already.
-        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact.
-        """
+        Consecutive stretches are one contact: a stripe that ends in the corner between two stripes has one contact."""
         part, _, length, row = self._remaining(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
         live[row] = True
@@ -246,8 +240,7 @@ class Contacts:
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
         """(p,) parts that a removal cut off from all supports: edges of the surface, anchors, and parts that always
-        stay.
-        """
+        stay."""
         return self._has_ground(before, stays) & ~self._has_ground(gone, stays) & ~gone
 
     def _has_ground(self, gone: Bools, stays: Bools) -> Bools:

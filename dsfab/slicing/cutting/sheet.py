@@ -33,8 +33,7 @@ class SheetPart:
     """Cells of a cut surface as a surface of their own.
 
     cut_surface : all cells.    surface : the part.
-    cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending.
-    """
+    cells, vertices : (f,), (k,) indices of the part's cells and vertices in `cut_surface`, ascending."""
 
     cut_surface: Surface
     surface: Surface
@@ -83,8 +82,7 @@ class CutLines:
     field  : (l,) index of the field of a level; -1 for other kinds.
     number : (l,) 2 j for the lower and 2 j + 1 for the upper edge of stripe j, as the cell's face counts stripes; for
              other kinds it counts the lines of the kind.
-    circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds.
-    """
+    circle : (l, 7) centre, unit axis and radius of a fillet, metres; 0 for other kinds."""
 
     kind: Ints
     field: Ints
@@ -100,11 +98,6 @@ class CutLines:
     def count(self) -> int:
         """Number of lines, which is the number of the next line."""
         return len(self.kind)
-
-    @property
-    def fillets(self) -> Floats:
-        """(f, 7) centre, unit axis and radius of each fillet, metres."""
-        return np.asarray(self.circle[self.kind == LineKind.FILLET])
 
     def with_more(self, kind: LineKind, count: int, field: int = -1, circle: Floats | None = None) -> "CutLines":
         """Return the lines and `count` more of a kind; circle (count, 7) as above."""
@@ -133,8 +126,7 @@ class Sheet:
                1 |0   0 / 0 `+               3, 4 : both edges of the stripe, `LineKind.LEVEL`
                  |  / 0   0  | 4             5    : a fillet, with its circle
                  +-----------+               0    : inside the material
-                       4
-    """
+                       4"""
 
     surface: Surface
     parent: Ints
@@ -212,8 +204,7 @@ class Sheet:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
         Each vertex takes the values from the parent of the first cell around it. On a Moebius strip a second face may
-        see vectors from its other side. The result equals `carry` if the corners at each vertex agree.
-        """
+        see vectors from its other side. The result equals `carry` if the corners at each vertex agree."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]
@@ -229,8 +220,7 @@ class Sheet:
         """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.
 
         edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
-        A vertex within a face counts if all three edges of the face are marked and at least one is an inner edge.
-        """
+        A vertex within a face counts if all three edges of the face are marked and at least one is an inner edge."""
         result: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
         edges = spanned_edges(surface.F, table, marks) if edges is None else edges
@@ -256,8 +246,7 @@ class Sheet:
     def subset(self, mask: Bools | None = None) -> "Sheet":
         """Return the sheet of the marked cells (m',), by default of the material, without unused vertices.
 
-        Raises PatternError if no cell is marked.
-        """
+        Raises PatternError if no cell is marked."""
         return self._material_sheet if mask is None else self._part_sheet(mask)
 
     @cached_property
@@ -303,8 +292,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
     """(count,) hydraulic diameters 4 area / perimeter, metres, of the pieces of a part; infinite for pieces without a
     closed wall around them.
 
-    walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`.
-    """
+    walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`."""
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     piece = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -317,8 +305,7 @@ def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) ->
 
 def weighted_medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
     """(count,) weighted median of the values (k,) under each label (k,); infinite without weight. NaN does not
-    count.
-    """
+    count."""
     valid = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = valid[np.lexsort((values[valid], label[valid]))]
     x, group = values[order], label[order]
@@ -341,8 +328,7 @@ class SmoothSurface:
 
     The edge is a cubic curve from a to b, perpendicular to the normals n_a and n_b at its ends; its middle gives the
     bulge [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. The bulge
-    does not depend on the sign of the normals. Patches have the same bulge at a common edge, so there is no gap.
-    """
+    does not depend on the sign of the normals. Patches have the same bulge at a common edge, so there is no gap."""
 
     surface: Surface
     bulge: Floats

@@ -20,8 +20,7 @@ class Split:
     strip  : (c',) number of levels below a new polygon; -1 for inactive ones.
              New sides on a level l, and old sides there without a line, have -1 - l in `sides_on`.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there.
-    """
+    side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there."""
 
     cells: Cells
     source: Ints
@@ -36,16 +35,8 @@ class Split:
     def unchanged(cls, cells: Cells, active: Bools) -> "Split":
         """Return the polygons unchanged, with the active polygons (c,) in strip 0."""
         no_index, no_value = np.empty(0, dtype=np.int64), np.empty(0)
-        return cls(
-            cells,
-            np.arange(len(cells.sizes)),
-            np.where(active, 0, -1),
-            no_index,
-            no_index,
-            no_value,
-            no_index,
-            no_value,
-        )
+        new_vertices = _NewVertices(no_index, no_index, no_value, no_index, no_value)
+        return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
 
     def with_new_values(self, values: Floats) -> Floats:
         """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
@@ -65,8 +56,7 @@ class SideValues:
     """A field at both ends of every side of polygons, (h,) each, as the side's polygon sees it.
 
     foreign : (k,) sides whose polygon has no value; they take the values of the other polygon on the edge.
-    own     : (h,) the field at the slots.
-    """
+    own     : (h,) the field at the slots."""
 
     start: Floats
     end: Floats
@@ -98,17 +88,14 @@ class SideValues:
         start[which[unpaired]] = end[which[unpaired]] = y[~foreign].min(initial=0.0)
         paired, mate = which[~unpaired], mate[~unpaired]
         same_direction = a[paired] == a[mate]
-        start[paired], end[paired] = (
-            np.where(same_direction, y[mate], ends[mate]),
-            np.where(same_direction, ends[mate], y[mate]),
-        )
+        start[paired] = np.where(same_direction, y[mate], ends[mate])
+        end[paired] = np.where(same_direction, ends[mate], y[mate])
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
         """(h,) each: where the values at the start and the end of every side lie among the levels, see `_level_places`.
 
-        only : slots (k,) to evaluate; the rest is 0.
-        """
+        only : slots (k,) to evaluate; the rest is 0."""
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
             start[only], end[only] = _level_places(self.start[only], levels), _level_places(self.end[only], levels)
@@ -135,8 +122,7 @@ class _Sides:
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4
-                      levels[2] levels[3]
-    """
+                      levels[2] levels[3]"""
 
     low: Ints
     count: Ints
@@ -173,8 +159,7 @@ def split_cells(
     levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active
              polygons, and stay whole. A side that lies on a level belongs to the strip of the side before it.
     above  : (l,) True: a polygon with all corners on a level gets the strip above it; default: the even strip, void.
-    live   : (h,) all sides of edges that get new vertices even without an active polygon.
-    """
+    live   : (h,) all sides of edges that get new vertices even without an active polygon."""
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
     if live is not None and not active.any():  # without an active polygon, only polygons at live sides change
@@ -184,9 +169,8 @@ def split_cells(
     if len(x.foreign):
         lowest = np.minimum(lowest, (cells.per_polygon(np.minimum, ends[1]) + 1) // 2)
         highest = np.maximum(highest, cells.per_polygon(np.maximum, ends[1]) // 2)
-    strip = np.where(
-        highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest
-    )  # right for polygons that no level cuts
+    # right for polygons that no level cuts
+    strip = np.where(highest < lowest, highest + above[np.minimum(highest, len(levels) - 1)], lowest)
     strip[~active] = -1
     sides_on, which = _sides_on_levels(cells, ends, active), np.flatnonzero(highest > lowest)
     slots = cells.slots(which)
@@ -225,8 +209,7 @@ def _sides(
 ) -> tuple[_Sides, _NewVertices]:
     """The crossings of all sides, and the new vertices; polygons share the vertices of a common edge.
 
-    slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons.
-    """
+    slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons."""
     a, b = cells.corner, cells.next_values(cells.corner)
     start, end, start_place, end_place = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
     up = start < end
@@ -264,8 +247,7 @@ def _sides(
 def _with_new_corners(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
     """Return the same polygons with the new vertices as corners, and the strip of each side.
 
-    A side on a level gets the strip of the side before it that is on no level; each polygon must have such a side.
-    """
+    A side on a level gets the strip of the side before it that is on no level; each polygon must have such a side."""
     count = sides.count + 1
     offset = np.concatenate([[0], np.cumsum(count)])
     side = np.repeat(np.arange(len(count)), count)
@@ -294,8 +276,7 @@ def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells,
       / |  strip 2   if the next side is of another strip (b and d). So a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c
-    d /   strip 0
-    """
+    d /   strip 0"""
     key = sides.owner * (level_count + 2) + strip + 1
     order = sorted_order(key)
     leaves = (strip[sides.following] != strip)[order]
@@ -322,8 +303,7 @@ def _with_pieces(
 ) -> Split:
     """Replace the polygons `which` (k,) by their pieces, in order.
 
-    sides_on, strip : (h,) lines and (c,) strips of the polygons before.
-    """
+    sides_on, strip : (h,) lines and (c,) strips of the polygons before."""
     pieces, row, label = pieces_of_split
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(row, minlength=len(which))
@@ -353,8 +333,7 @@ class Snapping(NamedTuple):
 
     fraction : largest move, as a share of an edge's range.
     size     : of the surface, metres.
-    hold     : vertices (k,) whose values never move.
-    """
+    hold     : vertices (k,) whose values never move."""
 
     fraction: float
     size: float
@@ -367,8 +346,7 @@ def clean_split(
     """Split by field x (n,) on vertices X (n, 3) after snapping, without cells of zero area (see `collapsed_corners`).
 
     Values move onto levels but never across one, so that all cells stay convex and chords never cross.
-    active, above : see `split_cells`.
-    """
+    active, above : see `split_cells`."""
     snap, size, hold = snapping
     if not len(levels) or not active.any():
         return Split.unchanged(cells, active)

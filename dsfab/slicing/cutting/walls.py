@@ -24,8 +24,7 @@ class Walls:
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
     chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.    total : (c,) metres of
              chain.
-    closed : (c,) True for a closed chain; open chains end on the boundary of the surface.
-    """
+    closed : (c,) True for a closed chain; open chains end on the boundary of the surface."""
 
     surface: Surface
     void: Bools
@@ -78,8 +77,7 @@ class Walls:
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
         """(k,) the walls `steps` (k,) after walls (k,) along their chains; and a mask, False beyond the end of an
-        open chain.
-        """
+        open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -111,8 +109,7 @@ class Walls:
     def turns(self) -> Floats:
         """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
 
-        Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner.
-        """
+        Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner."""
         F, angle = self.surface.F[self.void], np.zeros(self.surface.n)
         for corner, angles in zip(F.T, face_angles(self.surface.V, F).T, strict=True):
             angle += np.bincount(corner, angles, self.surface.n)
@@ -131,8 +128,7 @@ class Walls:
 def next_in_chains(chain: Ints) -> Ints:
     """Return the next position (k,) in the chain of each position; the last position of a chain leads to its first.
 
-    chain : (k,) the chain of each position; equal numbers are adjacent.
-    """
+    chain : (k,) the chain of each position; equal numbers are adjacent."""
     after = np.arange(1, len(chain) + 1)
     chain_start = np.flatnonzero(np.diff(chain, prepend=-1))
     after[np.append(chain_start[1:], len(chain))[: len(chain_start)] - 1] = chain_start
@@ -171,8 +167,7 @@ class Stretches:
     """Parts (p,) of chains. A part that runs over the beginning of a closed chain has two entries.
 
     low, high : (q,) ends of each entry, metres, with all chains laid end to end.    part : (q,) the part of each entry.
-    before    : (c,) metres at which the chains begin.
-    """
+    before    : (c,) metres at which the chains begin."""
 
     low: Floats
     high: Floats

@@ -28,8 +28,7 @@ class Freedom(NamedTuple):
 
     along : (k, 2, 3) unit directions of a vertex, 0 for a missing direction.
     share : (k, 2, 3) change of its weights, in the columns `column` (k, 3), for a metre along each direction.
-    most  : (k,) largest moves, metres: a tenth of the vertex's mesh edge, which is twice the largest snap.
-    """
+    most  : (k,) largest moves, metres: a tenth of the vertex's mesh edge, which is twice the largest snap."""
 
     vertex: Ints
     along: Floats
@@ -44,8 +43,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
     The function minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners. Here d is the move
     across the wall, k the curvature in the surface, and a and b are lengths, counted in wall segments. Circles and
     straight lines stay. Waves of wave number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch
-    1967; Wahba 1990]. Cells stay in their uncut faces, and vertices of the uncut surface stay in place.
-    """
+    1967; Wahba 1990]. Cells stay in their uncut faces, and vertices of the uncut surface stay in place."""
     walls = sheet.walls
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
     free = freedom(sheet, vertex, sheet.weights[vertex])
@@ -187,8 +185,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
     """Divide bent walls between material and void of a faired sheet, so that outlines look round.
 
     Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
-    face, and corners stay sharp.
-    """
+    face, and corners stay sharp."""
     for _ in range(3):  # each round about halves the turns
         division = _division(sheet)
         if not len(division.wall):

@@ -23,8 +23,7 @@ class DiscStops:
 
     middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from the middle to both walls.
     a, b   : (p,) these walls, as places in `FlatOpenings.wall`.
-    share_a, share_b : (p,) shares of the walls' lengths that lie before the points of contact.
-    """
+    share_a, share_b : (p,) shares of the walls' lengths that lie before the points of contact."""
 
     middle: Floats
     before: Floats
@@ -106,8 +105,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
     """The stops beyond which no second disc has room; and for each stop a near and a far wall (p,) beyond it.
 
-    A stop is not a tip if the opening widens again beyond it.
-    """
+    A stop is not a tip if the opening widens again beyond it."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -150,8 +148,7 @@ class Fillets:
     pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
 
     An arc fills the region beyond a chord and within both rays. Rays run from the arc's middle through its ends, the
-    feet. They are needed if walls turn so sharply at a foot that the void beside it lies beyond the chord as well.
-    """
+    feet. They are needed if walls turn so sharply at a foot that the void beside it lies beyond the chord as well."""
 
     wall: Ints
     circle: Floats
@@ -197,8 +194,7 @@ class Fillets:
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
     """Return arcs for corners of openings: first where a disc of a radius (metres) stops, then smaller arcs elsewhere.
 
-    Corners without room for an arc are left out.
-    """
+    Corners without room for an arc are left out."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(sheet, radius, taken):
         for rays in (False, True):
@@ -372,8 +368,7 @@ def _filled_corners(
 ) -> tuple[PolygonMesh, Ints, Bools]:
     """Cut polygons by their arcs' chords; return the mesh, the old polygon of each, and a mask of those to fill.
 
-    arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface.
-    """
+    arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
     planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]

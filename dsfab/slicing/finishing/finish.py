@@ -9,8 +9,7 @@ stubs       remove stripes to a node    bridged   bridge necks
 bars        straighten bent bars        spikes    cut off teeth
                                         rounded   round corners; bridge and widen where that leaves too little
                                         widths    keep least widths of openings and members
-                                        improved  flip and collapse edges
-"""
+                                        improved  flip and collapse edges"""
 
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -130,8 +129,7 @@ class FinishedSheet:
     counts    : numbers of details that passes changed, by the names of the passes.
     radii     : (k,) radii of the round corners, metres.
     unwidened : the cells before least widths, if that pass ran.
-    shape     : a sentence about the shape of the cells before and after their improvement, or "".
-    """
+    shape     : a sentence about the shape of the cells before and after their improvement, or ""."""
 
     cells: Sheet
     counts: Counter[str] = field(default_factory=Counter)
@@ -151,15 +149,13 @@ Pass = Callable[[FinishedSheet], FinishedSheet]
 def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> FinishedSheet:
     """Finish the cells of a cut from the surface `uncut` by all `passes`.
 
-    trial : the trial cut with these cells, if it exists: its passes are not repeated.
-    """
+    trial : the trial cut with these cells, if it exists: its passes are not repeated."""
     return _after_passes(cells, passes(uncut, options, trial))
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
     """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that it
-    contains.
-    """
+    contains."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -177,7 +173,7 @@ def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pas
     """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
     slits_first = merges and not options.sized  # most small openings are slits
-    yield _counting_pass("pinches", partial(_without_pinches, options=options))
+    yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
     if merges:
@@ -200,11 +196,6 @@ def _counting_pass(name: str, change: Callable[[Sheet], tuple[Sheet, int]]) -> t
         return sheet.with_cells(cells, **{name: count})
 
     return name, run
-
-
-def _without_pinches(cells: Sheet, options: FinishingOptions) -> tuple[Sheet, int]:
-    result = resolve_pinches(cells, options.thickness / 2, options.pinch)
-    return result.sheet, result.count
 
 
 def unrounded_sheet(cells: Sheet, options: FinishingOptions) -> FinishedSheet:
@@ -286,8 +277,7 @@ class TrialCut:
 
     inputs  : fields, levels and tidy of the pattern.    cells : as they were cut.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
-    least   : least widths of openings and members, metres, and the sheet that keeps them.
-    """
+    least   : least widths of openings and members, metres, and the sheet that keeps them."""
 
     inputs: tuple[object, object, object]
     options: FinishingOptions

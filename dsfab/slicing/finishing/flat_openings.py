@@ -29,8 +29,7 @@ class FlatOpenings:
 
     wall  : (k,) walls of the sheet.    chain : (k,) the chain of each wall, renumbered.
     after : (k,) the next wall in the chain.
-    start : (k, 2) start points, metres.    frame : (k, 2, 3) unit vectors of the plane.
-    """
+    start : (k, 2) start points, metres.    frame : (k, 2, 3) unit vectors of the plane."""
 
     wall: Ints
     chain: Ints
@@ -52,8 +51,7 @@ class FlatOpenings:
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
         """Return the walls (p,) nearest to points (p, 2), as indices into `wall`.
-        Return also the nearest places on these walls, as shares (p,) of their lengths.
-        """
+        Return also the nearest places on these walls, as shares (p,) of their lengths."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
@@ -117,8 +115,7 @@ LONG, BULKY = 4.0, 0.7
 class NarrowPart:
     """A narrow part of an opening: its outline (k, 2), metres, and `runs` (r, 2), stretches of the outline on walls.
 
-    Arcs of a disc lie between the runs. If no disc fits into the opening, there are no runs.
-    """
+    Arcs of a disc lie between the runs. If no disc fits into the opening, there are no runs."""
 
     outline: Floats
     runs: tuple[Floats, ...]

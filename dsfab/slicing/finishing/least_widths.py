@@ -24,8 +24,7 @@ NOWHERE = np.empty((0, 2, 3))
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
     """(k, 2, 3) points on both walls of openings narrower than `least` m, narrowest first, and `apart` m apart.
 
-    tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip.
-    """
+    tips : include gaps where walls close to a tip.    widest : the widest gaps first, such as the mouth of a tip."""
     if not cells.has_openings:
         return NOWHERE
     void = cells.void_part
@@ -59,8 +58,7 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
     """(k, 2, 3) points on both sides of members under `least` metres, also of members between an opening and an
-    edge.
-    """
+    edge."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -129,8 +127,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
     """Build bridges of `width` metres between pairs of points (k, 2, 3) near two walls; return also their number.
 
-    One call builds as many bridges as possible.    snap : see `with_strips`.
-    """
+    One call builds as many bridges as possible.    snap : see `with_strips`."""
     if not len(places):
         return cells, 0
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
@@ -171,8 +168,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
     """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of places.
 
-    A call adds only strips that do not touch each other.
-    """
+    A call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
     half = np.array([1.04 * least / 2, least / 2])
@@ -200,8 +196,7 @@ TURNS = 6
 """Most rounds of widening and bridging, because wider members leave narrower openings."""
 SNAP = 0.05
 """Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
-elements.
-"""
+elements."""
 
 
 class LeastWidths(NamedTuple):
@@ -223,8 +218,7 @@ def with_least_widths(
     Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
 
     merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
-    neck  : metres; narrower openings that widening leaves get bridges, too.
-    """
+    neck  : metres; narrower openings that widening leaves get bridges, too."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
     bridged, widened = 0, 0

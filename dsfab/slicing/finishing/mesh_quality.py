@@ -297,8 +297,7 @@ def flip_edges(cut: CellMesh) -> tuple[CellMesh, int]:
      /|\          / \        Only between cells of the same family and face: across faces of a curved surface a flip
     a | b   ->   a---b      would change its shape.
      \|/          \ /
-      d            d
-    """
+      d            d"""
     h, g = cut.surface.edges.pairs.T
     f, e = h // 3, g // 3
     parent, family = cut.sheet.parent, cut.sheet.family

@@ -6,8 +6,7 @@
 
 The full sheet, material and void together, is cut along the disc, so that the cells around the disc still fit."""
 
-from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -29,17 +28,11 @@ CORNER_ROUNDS = 2
 """
 
 
-@dataclass(frozen=True, eq=False)
-class PinchResult:
-    """A sheet without pinches.
-
-    sheet       : all cells, material and void.
-    count       : number of discs and corner cuts; for 0 the sheet did not change.
-    area_change : change of the material area, square metres: positive for "join", negative for "split"."""
+class PinchResult(NamedTuple):
+    """All cells of a sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
 
     sheet: Sheet
     count: int
-    area_change: float
 
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:
@@ -56,8 +49,8 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
     if rule not in ("join", "split"):
         raise PatternError(f"the pinch rule {rule!r} must be 'join' or 'split'")
-    before, count = _material_area(sheet), 0
-    pinches = pinched_vertices(sheet)
+    _require_material(sheet)
+    pinches, count = pinched_vertices(sheet), 0
     for turn in range(DISC_ROUNDS + CORNER_ROUNDS):
         if not len(pinches):
             break
@@ -68,7 +61,8 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchRe
             f"material still meets in a single point at {len(pinches)} vertices (first: {first_few(pinches)}); "
             "use the other pinch rule, another radius, or another phase"
         )
-    return PinchResult(sheet, count, _material_area(sheet) - before)
+    _require_material(sheet)
+    return PinchResult(sheet, count)
 
 
 def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
@@ -83,12 +77,11 @@ def _resolve_once(sheet: Sheet, pinches: Ints, radius: float, rule: Rule, corner
     return sheet, count
 
 
-def _material_area(sheet: Sheet) -> float:
+def _require_material(sheet: Sheet) -> None:
     if not sheet.material.any():
         raise PatternError(
             "no material is left after slicing; lower the threshold, raise the frequency, or keep a rim or a disc"
         )
-    return sheet.material_area
 
 
 def pinched_vertices(sheet: Sheet) -> Ints:

@@ -3,8 +3,7 @@ r"""`without_spikes`: cut off teeth of a member that stick out into an opening, 
 opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
    .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
 __/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void, because no member needs it.
- a  b  member
-"""
+ a  b  member"""
 
 from dataclasses import replace
 from typing import NamedTuple

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lengths, lock, sorted_order
+from dsfab.core.arrays import Bools, Floats, Ints, equal_key_groups, lengths, lock, lock_floats, sorted_order
 from dsfab.slicing.cutting.corner_fields import PolygonField
 from dsfab.slicing.cutting.cut import filled_polygons
 from dsfab.slicing.cutting.halving import LineHalving
@@ -37,8 +37,7 @@ class Chart:
     scale: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "z", np.float64, (self.surface.n, 2))
-        lock(self, "scale", np.float64, (self.surface.n, 2))
+        lock_floats(self, z=(self.surface.n, 2), scale=(self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
         """Interpolate values (n, ...) at the uncut vertices to this sheet's (n', ...)."""
@@ -114,8 +113,7 @@ class StripeChart:
 
     def __post_init__(self) -> None:
         n, m = self.surface.n, self.surface.m
-        lock(self, "z", np.float64, (n, 2))
-        lock(self, "d", np.float64, (n, 2))
+        lock_floats(self, z=(n, 2), d=(n, 2))
         lock(self, "known", np.bool_, (m, 2))
         lock(self, "kept", np.float64, (n,))
 

@@ -380,17 +380,11 @@ def _family(
     total = max(float(weight.sum()), np.finfo(float).tiny)
     lines = stripe_middles(chart, k)
     family_bays = bays(lines)
-    family = FamilyQuality(
-        _quantiles(spacing, area * chart.free * has_spacing),
-        _quantiles(opening, area * chart.void * has_spacing),
-        float(weight @ deviation) / total,
-        float(weight @ (deviation > OFF)) / total,
-        dead_ends(lines, direction[:, k], deviation, turning),
-        family_bays.slits,
-        family_bays.slit_share,
-        shown,
-    )
-    return family, family_bays
+    sizes = (spacing, area * chart.free * has_spacing), (opening, area * chart.void * has_spacing)
+    quantiles = _quantiles(*sizes[0]), _quantiles(*sizes[1])
+    off = float(weight @ deviation) / total, float(weight @ (deviation > OFF)) / total
+    ends = dead_ends(lines, direction[:, k], deviation, turning)
+    return FamilyQuality(*quantiles, *off, ends, family_bays.slits, family_bays.slit_share, shown), family_bays
 
 
 def _quantiles(values: Floats, weight: Floats) -> Quantiles:

@@ -173,8 +173,7 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
          /|           The foot of the perpendicular from the start, or the end of the half-edge if the foot is beyond.
         / |
     ---x--+----x---
-     met  foot
-    """
+     met  foot"""
     size = np.linalg.norm(_edge_vectors(surface, ends.edge), axis=1)
     foot = ends.place - ends.length * ends.slope
     nearest = np.clip(foot, 0, size)

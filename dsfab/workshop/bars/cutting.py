@@ -13,7 +13,7 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar
 from dsfab.workshop.bars.lattice import BAR_CLEARANCE
-from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, label, text_length
+from dsfab.workshop.parts import NAME_SHARE, NODE_LETTERS, FlatPart, Fold, Hole, half_plane_clip, label, text_length
 
 BOLT_SPACINGS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Distances in bolt diameters from the fold to the first bolt, between bolts, and to the plate's end. The first row
@@ -77,19 +77,6 @@ def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, BAR_CLEARANCE * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
-
-
-def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
-    """Return the part (k, 2) of a convex polygon (q, 2) in a half plane a . x <= b [Sutherland, Hodgman 1974]."""
-    excess = P @ a - b
-    corners = list[Floats]()
-    for k in range(len(P)):
-        before, after = excess[k - 1], excess[k]
-        if (before <= 0) != (after <= 0):
-            corners.append(P[k - 1] + before / (before - after) * (P[k] - P[k - 1]))
-        if after <= 0:
-            corners.append(P[k])
-    return np.array(corners).reshape(-1, 2)
 
 
 def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, float], height: float) -> Iterator[Floats]:

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, lock
+from dsfab.core.arrays import Floats, Ints, lock, lock_floats
 from dsfab.core.messages import names_and_count
 from dsfab.members import MemberGraph
 from dsfab.surface import LoadCase, Surface
@@ -65,8 +65,7 @@ class Footing:
     anchor: float
 
     def __post_init__(self) -> None:
-        lock(self, "supports", np.float64, (None, 3))
-        lock(self, "up", np.float64, (3,))
+        lock_floats(self, supports=(None, 3), up=(3,))
 
     @classmethod
     def from_supports(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
@@ -174,8 +173,7 @@ class LatticeBar:
     sagitta: float
 
     def __post_init__(self) -> None:
-        lock(self, "points", np.float64, (2, 3))
-        lock(self, "normals", np.float64, (2, 3))
+        lock_floats(self, points=(2, 3), normals=(2, 3))
 
     @cached_property
     def length(self) -> float:
@@ -346,8 +344,7 @@ def _bar_ends(
 
 
 def _bar(graph: MemberGraph, bay: Bay, ends: tuple[BarEnd, BarEnd], points: Floats, N: Floats) -> LatticeBar:
-    axis = graph.by_id[bay.member].axis
-    assert axis is not None
+    axis = graph.by_id[bay.member].curve
     d = points[1] - points[0]
     d = d / np.linalg.norm(d)
     normals = N - (N @ d)[:, None] * d

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.core.arrays import Floats, Ints, lock
+from dsfab.core.arrays import Floats, Ints, lock_floats
 from dsfab.core.errors import PatternError
 from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph, Node
@@ -34,8 +34,7 @@ class LatticeNode:
     moved: float
 
     def __post_init__(self) -> None:
-        lock(self, "point", np.float64, (3,))
-        lock(self, "normal", np.float64, (3,))
+        lock_floats(self, point=(3,), normal=(3,))
 
 
 @dataclass(frozen=True)
@@ -52,13 +51,11 @@ class Bay:
 @dataclass(frozen=True, eq=False)
 class Lattice:
     """Nodes and bays of a structure of bars.
-    merged_pairs : number of node pairs that become one node, because they are closer than the shortest bar.
     parallel : names of omitted bays, which join the same two nodes as another bay.
     rings    : names of closed members with fewer than three nodes, which cannot become bars."""
 
     nodes: tuple[LatticeNode, ...]
     bays: tuple[Bay, ...]
-    merged_pairs: int
     parallel: tuple[str, ...]
     rings: tuple[str, ...]
 
@@ -92,7 +89,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     bays, parallel = _numbered_bays(raw_bays, number)
     closed = [member for member in members if member.axis and member.axis.closed]
     rings = tuple(member.id for member in closed if not len(graph.nodes_along[member.id]) > 2)
-    return Lattice(tuple(nodes), tuple(bays), short, tuple(parallel), rings)
+    return Lattice(tuple(nodes), tuple(bays), tuple(parallel), rings)
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
@@ -110,8 +107,7 @@ def becomes_bars(member: Member) -> bool:
 def _member_bays(
     graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> Iterator[_RawBay]:
-    axis = member.axis
-    assert axis is not None
+    axis = member.curve
     nodes = graph.nodes_along[member.id]
     stops = [(float(node.at[node.members.index(member.id)]), node.id) for node in nodes]
     if axis.closed:

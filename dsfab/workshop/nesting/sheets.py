@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats
+from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError
 from dsfab.export import ProgramError, last_line, temporary_folder
 from dsfab.workshop.nesting import spyrrow_program
@@ -27,7 +27,7 @@ from dsfab.workshop.nesting.skyline import (
     part_shapes,
     place_part,
 )
-from dsfab.workshop.parts import OUTLINE_TOLERANCE, FlatPart
+from dsfab.workshop.parts import OUTLINE_TOLERANCE, FlatPart, distances_from_outline, inside_outline
 
 SheetSize = tuple[float, float]  # length and width of a sheet (m)
 
@@ -57,11 +57,12 @@ def nest_parts(
     each sheet the size with most used area for its price. Then smaller sheets replace sheets whose parts fit on them.
     Raises PatternError for a part that fits on no sheet."""
     grid, costs = column_grid(stock, gap, grain), _costs(stock, prices)
+    box_area = float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
     cheapest: list[NestedSheet] | None = None
     for boxes in (False, True):
         for order in ([first, *(size for size in stock if size != first)] for first in dict.fromkeys(stock)):
             limit = len(cheapest) - 1 if cheapest is not None and len(stock) == 1 else len(parts)
-            if boxes and _box_area(parts, gap) > limit * max((a - gap) * (b - gap) for a, b in stock) + ROUNDING:
+            if boxes and box_area > limit * max((a - gap) * (b - gap) for a, b in stock) + ROUNDING:
                 continue
             tried = _fill_sheets(parts, boxes, order, grid, limit)
             cheapest = _cheaper_nest(cheapest, tried, boxes, costs, grid)
@@ -133,10 +134,6 @@ def stack_parts(
     return _fill_sheets(parts, False, stock, column_grid(stock, gap, grain), limit)
 
 
-def _box_area(parts: Sequence[FlatPart], gap: float) -> float:
-    return float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
-
-
 def _largest_first(parts: Sequence[FlatPart]) -> list[FlatPart]:
     # long and bowed parts come first, because short parts fit between them
     keys = [(-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]), part.id) for part in parts]
@@ -182,26 +179,9 @@ def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enoug
 
 def polygon_distance(P: Floats, Q: Floats) -> float:
     """Return the distance of two closed polygons (p, 2) and (q, 2) as areas (m); 0 if they overlap or touch."""
-    if _inside(P[:1], Q)[0] or _inside(Q[:1], P)[0] or _sides_cross(P, Q):
+    if inside_outline(P[:1], Q)[0] or inside_outline(Q[:1], P)[0] or _sides_cross(P, Q):
         return 0.0
-    return min(_from_sides(P, Q), _from_sides(Q, P))
-
-
-def _from_sides(points: Floats, polygon: Floats) -> float:
-    a, side = polygon, np.roll(polygon, -1, axis=0) - polygon
-    offsets = points[:, None] - a
-    t = np.clip((offsets * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
-    return float(np.linalg.norm(offsets - t[..., None] * side, axis=2).min())
-
-
-def _inside(points: Floats, polygon: Floats) -> Bools:
-    """Return a mask (p,) of the points (p, 2) inside a polygon, from which a ray crosses an odd number of sides."""
-    a, b = polygon, np.roll(polygon, -1, axis=0)
-    x, y = points[:, :1], points[:, 1:]
-    spans = (a[:, 1] > y) != (b[:, 1] > y)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        crossing_x = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
-    return np.asarray((spans & (x < crossing_x)).sum(axis=1) % 2 == 1)
+    return min(float(distances_from_outline(*pair).min()) for pair in ((P, Q), (Q, P)))
 
 
 def _sides_cross(P: Floats, Q: Floats) -> bool:

@@ -1,8 +1,7 @@
 """Structures of planks that stand upright on the surface. Where planks cross, both have slots to half their depth.
 
 slots   crossings of planks, and their slots    plank   a plank with its divisions, ends and covers
-plan    the whole plan: `plank_plan`
-"""
+plan    the whole plan: `plank_plan`"""
 
 from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright_course
 from dsfab.workshop.planks.plank import PlankStock

@@ -13,7 +13,7 @@ from dsfab.workshop.ground import STEEP_SINE, BasePlane
 from dsfab.workshop.layers import END_DISTANCE, Layering
 from dsfab.workshop.parts import FlatPart, Hole, label, text_length
 from dsfab.workshop.planks.slots import SLIDE_ANGLE, Crossing, PlankParts, Slot, largest_deviation, middle_direction
-from dsfab.workshop.splices import SCARF_SLOPE, lap_marks, lapped_span, splice_cuts
+from dsfab.workshop.splices import SCARF_SLOPE, box_fits, lap_marks, lapped_span, splice_cuts
 from dsfab.workshop.strips import HOLE_EDGE_DISTANCE, UNCERTAIN_WIDTHS, letter_height
 
 EdgeStations = tuple[tuple[float, float], tuple[float, float]]
@@ -189,10 +189,7 @@ class Plank:
         layer, (a, b) = Development(self.course, 0.0), self._lapped_span((begin, end))
         x, angle = layer.middle_line_at(np.linspace(a, b, 9))
         outline = plank_outline(layer, self._piece_ends((a, b)), (), self.stock.depth)
-        direction = (x[-1] - x[0]) / np.linalg.norm(x[-1] - x[0])
-        p, q = float(np.ptp(outline @ direction)), float(np.ptp(outline @ [-direction[1], direction[0]]))
-        fits = any((p <= long and q <= wide) or (q <= long and p <= wide) for long, wide in room)
-        return fits and bool(np.ptp(angle) < np.pi)
+        return box_fits(outline, x[-1] - x[0], room) and bool(np.ptp(angle) < np.pi)
 
     def _lapped_span(self, span: tuple[float, float]) -> tuple[float, float]:
         course = self.course

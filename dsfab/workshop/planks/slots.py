@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, lock_floats
 from dsfab.members import MemberGraph
 from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
@@ -61,8 +61,7 @@ class Crossing:
     angle: float
 
     def __post_init__(self) -> None:
-        lock(self, "normal", np.float64, (3,))
-        lock(self, "ways", np.float64, (2, 3))
+        lock_floats(self, normal=(3,), ways=(2, 3))
 
     def slot_leans(self, direction: Floats) -> tuple[float, float]:
         """Return the `lean` of the lower and of the upper slot (see `Slot`) for a unit assembly direction (3,)."""
