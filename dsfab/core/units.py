@@ -2,7 +2,18 @@
 
 from dsfab.core.errors import SurfaceError
 
-METRES_PER: dict[str, float] = {"mm": 1e-3, "cm": 1e-2, "dm": 1e-1, "m": 1.0, "km": 1e3, "in": 0.0254, "ft": 0.3048}
+METRES_PER: dict[str, float] = {
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "dm": 1e-1,
+    "m": 1.0,
+    "km": 1e3,
+    "in": 0.0254,
+    "ft": 0.3048,
+    "yd": 0.9144,
+    "um": 1e-6,
+    "us-ft": 1200 / 3937,  # US survey foot, in which older land surveys of the United States are
+}
 """Metres in each unit that a preset or a file may declare."""
 
 _PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")
@@ -13,6 +24,11 @@ UNIT_WORDS: dict[str, str] = {
     "inches": "in",
     "foot": "ft",
     "feet": "ft",
+    "yard": "yd",
+    "yards": "yd",
+    "micron": "um",
+    "microns": "um",
+    **dict.fromkeys(("us survey foot", "us survey feet", "ussurveyfeet"), "us-ft"),
 }
 """Unit for each word that a file may use for a unit, in lower case."""
 

@@ -11,9 +11,11 @@ from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons
 from dsfab.surface.files.reading import (
     Budget,
+    Content,
     MalformedFileError,
     PolygonFile,
     TextFile,
+    contents,
     declarations_in_comments,
     float_of,
     may_lack_digits,
@@ -72,7 +74,11 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    return PolygonFile(mesh, (*file.doubts, *doubts), _ignored_texts(ignored, odd), comments.unit, comments.up)
+    groups = Content("group", count=sum(f"\n{file.text}".count(f"\n{word} ") for word in "og"))
+    content = (*([groups] if groups.count else []), *_ignored_content(ignored))
+    odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
+    dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, content)
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
@@ -111,17 +117,12 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
         corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
 
 
-def _ignored_texts(ignored: Counter[str], odd: str) -> tuple[str, ...]:
-    counts: Counter[str] = Counter()
+def _ignored_content(ignored: Counter[str]) -> tuple[Content, ...]:
+    counts: Counter[Content] = Counter()
     for word, count in ignored.items():
         if word in _IGNORED_SHAPES:
-            counts[_IGNORED_SHAPES[word]] += count
-        else:
-            counts["other line"] += count
-    texts = [count_phrase(count, thing) for thing, count in counts.items() if thing != "other line"]
-    if counts["other line"]:
-        texts.append(f"{count_phrase(counts['other line'], 'line')} that OBJ does not know (first: {odd})")
-    return tuple(texts)
+            counts[Content(_IGNORED_SHAPES[word], "dropped")] += count
+    return contents(counts)
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
