@@ -224,7 +224,6 @@ class _Scene:
         total = 0
         for mesh, matrix in self._placed_meshes():
             self.used.add(mesh)
-            self.found[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
@@ -262,6 +261,7 @@ class _Scene:
             if "skin" in node:
                 self.found[Content("skin", "dropped")] += 1
             if "mesh" in node:
+                self.found[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
                 instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
                 yield from ((node["mesh"], matrix @ place) for place in instances)
             waiting.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
