@@ -178,6 +178,8 @@ def mesh_in_file(
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
     """Yield what a file holds besides plain faces, and what was dropped, mended and repaired."""
+    if raw.record.taken:
+        yield Decision("file", f"read: {raw.record.taken}")
     if raw.record.beside:
         yield Decision("file", f"beside the surface: {raw.record.beside}")
     yield from (Decision("file", remark) for remark in raw.record.remarks)

@@ -182,7 +182,7 @@ def _json_tree(data: bytes) -> dict[str, Any]:
     asset = tree.get("asset") if isinstance(tree, dict) else None
     if isinstance(tree, dict) and isinstance(tree.get("meshes"), dict):
         asset = {"version": "1.0"}  # in version 1 all lists were tables, and `asset` was optional
-    if not isinstance(asset, dict):
+    if not isinstance(tree, dict) or not isinstance(asset, dict):
         raise MalformedFileError("its JSON is not glTF")
     if str(asset.get("version", "2")).split(".")[0] != "2":
         raise MalformedFileError(f"its version of glTF is {asset['version']}, but dsfab reads version 2")
@@ -245,53 +245,37 @@ class _Scene:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
             raise MalformedFileError("it names no scene, so its visible objects are unknown")
-        waiting = [(k, np.eye(4), 1) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
+        waiting = [(k, np.eye(4), 1, True) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
         seen = set[int]()
         while waiting:
-            number, above, depth = waiting.pop()
+            number, above, depth, shown = waiting.pop()
             if number in seen or depth > 200:  # files of usual programs have up to 100 levels
                 raise MalformedFileError("its nodes form no tree: a node is below itself, or at two places")
             seen.add(number)
             node = nodes[number]
             extensions = node.get("extensions", {})
-            if not extensions.get("KHR_node_visibility", {}).get("visible", True):
-                self._count_hidden(number)
-                continue
+            shown = shown and extensions.get("KHR_node_visibility", {}).get("visible", True)
             matrix = above @ _matrix(node)
             if "skin" in node:
                 self.found[Content("skin", "dropped")] += 1
-            if "mesh" in node:
+            if "mesh" in node and not shown:
+                self.used.add(node["mesh"])
+                self.found[hidden_on("")] += 1
+            elif "mesh" in node:
                 self.found[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
                 instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
                 yield from ((node["mesh"], matrix @ place) for place in instances)
-            waiting.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
-
-    def _count_hidden(self, number: int) -> None:
-        """Count the meshes of a hidden node and of all nodes below it."""
-        waiting, seen = [number], set[int]()
-        while waiting:
-            seen.add(number := waiting.pop())
-            node = self.tree["nodes"][number]
-            if "mesh" in node:
-                self.used.add(node["mesh"])
-                self.found[hidden_on("")] += 1
-            waiting.extend(set(node.get("children", [])) - seen)
+            waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))
 
     def _instances(self, attributes: dict[str, int]) -> Iterator[Floats]:
         """Yield the matrices of the instances of a mesh; without instances a unit matrix."""
-        kinds = {"TRANSLATION": 3, "ROTATION": 4, "SCALE": 3}
-        tables = {
-            name.lower(): accessor(self.tree, self.buffers, attributes[name], width).tolist()
-            for name, width in kinds.items()
-            if name in attributes
-        }
+        names = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in attributes]
+        tables = [accessor(self.tree, self.buffers, attributes[k], 4 if k == "ROTATION" else 3) for k in names]
         if not tables:
             yield np.eye(4)
-            return
-        for rows in zip(*tables.values(), strict=False):
-            self.budget.require_time()
+        for rows in zip(*tables, strict=False):
             self.found[Content("instance")] += 1
-            yield _matrix(dict(zip(tables, rows, strict=True)))
+            yield _matrix(dict(zip((name.lower() for name in names), rows, strict=True)))
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):

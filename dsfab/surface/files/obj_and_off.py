@@ -74,11 +74,12 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    groups = Content("group", count=sum(f"\n{file.text}".count(f"\n{word} ") for word in "og"))
-    content = (*([groups] if groups.count else []), *_ignored_content(ignored))
+    found = Counter({Content("group"): sum(f"\n{file.text}".count(f"\n{word} ") for word in "og")})
+    for shape, kind in _IGNORED_SHAPES.items():
+        found[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
     dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
-    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, content)
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(found))
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
@@ -115,14 +116,6 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
     for word in words[1:]:
         i = int(word.partition("/")[0] if "/" in word else word)
         corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
-
-
-def _ignored_content(ignored: Counter[str]) -> tuple[Content, ...]:
-    counts: Counter[Content] = Counter()
-    for word, count in ignored.items():
-        if word in _IGNORED_SHAPES:
-            counts[Content(_IGNORED_SHAPES[word], "dropped")] += count
-    return contents(counts)
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}

@@ -31,11 +31,8 @@ from dsfab.surface.files.reading import (
 _KINDS = {
     **dict.fromkeys(("Brep", "Extrusion", "SubD", "NurbsSurface", "PlaneSurface", "RevSurface", "Surface"), "surface"),
     **dict.fromkeys(("PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve"), "curve"),
-    "Mesh": "mesh",
-    "Point": "point",
-    "TextDot": "text dot",
-    "Light": "light",
-}
+    "Mesh": "mesh", "Point": "point", "TextDot": "text dot", "Light": "light",
+}  # fmt: skip
 """Kinds of objects by their names in rhino3dm."""
 
 
@@ -245,13 +242,12 @@ def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:
     from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
     from OCP.TopExp import TopExp_Explorer
 
-    counts = Counter[Content]()
-    bodies = (TopAbs_SOLID, None, "solid"), (TopAbs_SHELL, TopAbs_SOLID, "open shell")
-    free = (TopAbs_EDGE, TopAbs_FACE, "curve"), (TopAbs_VERTEX, TopAbs_EDGE, "point")
-    for inner, outer, kind in (*bodies, *free):
-        shapes = TopExp_Explorer(shape, inner) if outer is None else TopExp_Explorer(shape, inner, outer)
+    counts, explore = Counter[Content](), TopExp_Explorer
+    free = explore(shape, TopAbs_EDGE, TopAbs_FACE), explore(shape, TopAbs_VERTEX, TopAbs_EDGE)
+    bodies = explore(shape, TopAbs_SOLID), explore(shape, TopAbs_SHELL, TopAbs_SOLID)
+    for shapes, kind in zip((*bodies, *free), ("solid", "open shell", "curve", "point"), strict=True):
         while shapes.More():
-            counts[Content(kind, "beside" if kind in ("curve", "point") else "taken")] += 1
+            counts[Content(kind, "beside" if shapes in free else "taken")] += 1
             shapes.Next()
     counts[Content("face")] = faces - lost
     counts[Content("face", "dropped", f"of {faces} that OCCT cannot mesh")] = lost

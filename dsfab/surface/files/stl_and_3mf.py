@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Floats, Ints
 from dsfab.core.messages import count_phrase
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import (
@@ -112,12 +112,12 @@ def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
     Aids of a print, such as supports and modifiers, are ignored. Raises MalformedFileError for a damaged file,
     SurfaceError beyond the budget [3MF Consortium, core specification 1.4]."""
     plate = _Plate(budget, _archive_texts(data, budget))
-    for key, _ in plate.items:
+    for key in (*plate.unprinted, *(key for key, _ in plate.items)):
         plate.require_ends(key, 0)
     budget.require_triangles(sum(plate.triangles[key] for key, _ in plate.items))
     V, F = joined([part for key, place in plate.items for part in plate.meshes(key, place)])
-    unused = Content("object", "dropped", "that the build plate lacks", len(plate.objects.keys() - plate.triangles))
-    plate.found.update({unused: max(unused.count, 0)})
+    unused = plate.objects.keys() - plate.triangles
+    plate.found[Content("object", "dropped", "that the build plate lacks")] = len(unused)
     return TriangleFile(V, F, plate.unit, content=contents(plate.found))
 
 
@@ -136,9 +136,10 @@ class _Plate:
     triangles : number of triangles of each object in use, with its components.    found : counted content."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
-        self.budget, self.unit, self.count = budget, None, 0
+        self.budget, self.count, self.open = budget, 0, _Object("")  # the open object is the one that is being read
+        self.unit: str | None = None
         self.objects, self.items, self.triangles = dict[Key, _Object](), list[tuple[Key, Floats]](), dict[Key, int]()
-        self.found, self.prefixes = Counter[Content](), dict[str, str]()
+        self.found, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
         self.aids = print_aids(texts)
         models = [name for name in texts if name.lower().endswith(".model")]
         target = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
@@ -182,10 +183,10 @@ class _Plate:
         elif kind == "item" and self.part == self.root:
             if values.get("printable", "1") == "0":
                 self.found[Content("item", "dropped", "that its slicer does not print")] += 1
-                self.triangles[self._key(values)] = 0
-                return
-            self.items.append((self._key(values), _place(values)))
-            self.found[Content("item")] += 1
+                self.unprinted.append(self._key(values))
+            else:
+                self.items.append((self._key(values), _place(values)))
+                self.found[Content("item")] += 1
         elif kind == "model":
             self._model(values)
 
@@ -220,7 +221,10 @@ class _Plate:
             return
         if thing.V:
             V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
-            kept = self._without_aids(key, len(F))
+            kept = np.ones(len(F), dtype=bool)
+            for first, last in self.aids.get((key[1], ""), ()):
+                kept[first : last + 1] = False
+                self.found[_AID] += 1
             if len(F):
                 mirrored = np.linalg.det(place[:3, :3]) < 0
                 self.found[Content("mirrored object" if mirrored else "object")] += 1
@@ -230,13 +234,6 @@ class _Plate:
                 self.found[_AID] += 1
             elif self.triangles[part]:
                 yield from self.meshes(part, place @ inner)
-
-    def _without_aids(self, key: Key, count: int) -> Bools:
-        kept = np.ones(count, dtype=bool)
-        for first, last in self.aids.get((key[1], ""), ()):
-            kept[first : last + 1] = False
-            self.found[_AID] += 1
-        return kept
 
 
 _AID = Content("modifier", "dropped", "or support of its slicer")
@@ -259,7 +256,7 @@ def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int,
                         ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
                         aids.setdefault((thing.attrib["id"], ""), []).append(ends)
         except (ElementTree.ParseError, KeyError, ValueError):
-            continue  # no such list, or an unknown form of it: all objects are the model
+            continue  # no such list, or an unknown form: all objects are the model
     return aids
 
 
