@@ -186,8 +186,8 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),
-        ("taken", facts.record.taken),
-        ("beside", facts.record.beside and f"{facts.record.beside}: no surface"),
+        ("taken", facts.record.surface_words),
+        ("beside", facts.record.other_words and f"{facts.record.other_words}: no surface"),
         *(("repaired", text) for text in facts.record.repaired),
         *(("dropped", text) for text in facts.record.dropped),
     ]

@@ -119,12 +119,12 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
     path = saved(model, tmp_path / "roof.3dm")
     record = raw_mesh(path).record
     assert sum(thing.count for thing in record.content) == len(rhino3dm.File3dm.Read(str(path)).Objects)
-    assert record.taken == "2 meshes, 1 mirrored block insertion"
+    assert record.surface_words == "2 meshes, 1 mirrored block insertion"
     for words in ("'old'", "'inner'", "'roof 2'"):
         assert f"1 hidden object on layer {words}" in record.dropped
     assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
     assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
-    assert record.beside == "2 points, 1 curve on layer 'support', 1 curve"
+    assert record.other_words == "2 points, 1 curve on layer 'support', 1 curve"
     assert describe(path).area == pytest.approx(2 * AREA)
 
 
@@ -195,7 +195,7 @@ def test_every_entity_of_a_dxf_file_is_accounted_for(tmp_path):
     assert "2 hidden objects on layer 'off'" in record.dropped
     assert "1 curve on layer 'supports'; did you mean layer support?" in record.dropped
     assert "1 SOLID object" in record.dropped
-    assert record.beside == "1 point on layer 'load', 1 TEXT object, 1 object in paper space"
+    assert record.other_words == "1 point on layer 'load', 1 TEXT object, 1 object in paper space"
     assert describe(path).area == pytest.approx(2 * AREA + 0.5)
 
 
@@ -414,7 +414,7 @@ def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp
         assert counts["face", "taken"] == len(whole.faces()) == 7
         assert counts["solid", "taken"] == len(whole.solids()) == 1
         assert counts["curve", "beside"] == 1
-        assert raw_mesh(path).record.beside == "1 curve"
+        assert raw_mesh(path).record.other_words == "1 curve"
 
 
 # ---- doubles, units, mirrors ----

@@ -178,10 +178,10 @@ def mesh_in_file(
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
     """Yield what a file holds besides plain faces, and what was dropped, mended and repaired."""
-    if raw.record.taken:
-        yield Decision("file", f"read: {raw.record.taken}")
-    if raw.record.beside:
-        yield Decision("file", f"beside the surface: {raw.record.beside}")
+    if raw.record.surface_words:
+        yield Decision("file", f"read: {raw.record.surface_words}")
+    if raw.record.other_words:
+        yield Decision("file", f"beside the surface: {raw.record.other_words}")
     yield from (Decision("file", remark) for remark in raw.record.remarks)
     if mends := better.record.repaired[len(raw.record.repaired) :]:
         words = ("as a raw scan: " if scan else "") + "; ".join(mends)

@@ -47,8 +47,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
-    drawn = _Entities(document, budget, hidden_layers=True)
-    for entity, layer, _ in drawn.leaves(document.modelspace(), 0):
+    drawing = _Entities(document, budget, hidden_layers=True)
+    for entity, layer, _ in drawing.leaves(document.modelspace(), 0):
         for curve in _curves(entity):
             count += len(curve)
             budget.require("points", count)
@@ -56,7 +56,7 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
         if entity.dxftype() == "POINT":
             dots.append((layer, np.array([[*entity.dxf.location]])))
     layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in (*runs, *dots)})
-    hidden = tuple(name for name in layers if name.lower() in drawn.hidden)
+    hidden = tuple(name for name in layers if name.lower() in drawing.hidden)
     return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots), hidden)
 
 
@@ -66,10 +66,10 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
     MalformedFileError as `read_dxf` does."""
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
-    drawn = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
-    for entity, layer, mirrored in drawn.leaves(document.modelspace(), 0):
+    drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
+    for entity, layer, mirrored in drawing.leaves(document.modelspace(), 0):
         meshes = [*_polygons(entity)]
-        drawn.found[_content(entity, layer, bool(meshes))] += 1
+        drawing.counts[_content(entity, layer, bool(meshes))] += 1
         for mesh in meshes:
             V.append(mesh.V)
             corners.append((mesh.corners[::-1] if mirrored else mesh.corners) + count)
@@ -79,16 +79,16 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
     on_paper = sum(
         entity.dxftype() != "VIEWPORT" for page in document.layouts if not page.is_modelspace for entity in page
     )
-    found = contents(drawn.found + Counter({Content("object", "beside", "in paper space"): on_paper}))
+    inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
     if not V:
-        solids = sum(thing.count for thing in found if thing.kind == "solid")
+        solids = sum(thing.count for thing in inventory if thing.kind == "solid")
         what = f"{count_phrase(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
-        over = "".join(f"; ignored: {thing.text}" for thing in found if thing.kind == "hidden object")
+        over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
         raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    return TriangleFile(points, faces, _unit(document), content=found)
+    return TriangleFile(points, faces, _unit(document), content=inventory)
 
 
 def _content(entity: Any, layer: str, has_mesh: bool) -> Content:
@@ -148,10 +148,10 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 class _Entities:
     """Iterator over the drawn entities. It counts them, because nested blocks may repeat an entity a million times.
     hidden : lower names of the layers that are off or frozen.    hidden_layers : true to draw their entities, too.
-    found  : counted insertions and hidden objects."""
+    counts : counted insertions and hidden objects."""
 
     def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
-        self.budget, self.count, self.found = budget, 0, Counter[Content]()
+        self.budget, self.count, self.counts = budget, 0, Counter[Content]()
         self.frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
         self.hidden = self.frozen | {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
         self.hidden_layers = hidden_layers
@@ -169,9 +169,9 @@ class _Entities:
             _require_numbers(entity)
             layer = outer if entity.dxf.layer == "0" else entity.dxf.layer
             is_block = entity.dxftype() == "INSERT"
-            off = layer.lower() in (self.frozen if is_block else self.hidden) and not self.hidden_layers
-            if off or entity.dxf.get("invisible", 0):
-                self.found[hidden_on(layer)] += 1
+            is_hidden = layer.lower() in (self.frozen if is_block else self.hidden) and not self.hidden_layers
+            if is_hidden or entity.dxf.get("invisible", 0):
+                self.counts[hidden_on(layer)] += 1
             elif is_block:
                 yield from self._block_entities(entity, depth, layer, mirrored)
             else:
@@ -181,12 +181,11 @@ class _Entities:
         self.budget.require("entities", self.count + insert.mcount)
         block = insert.block()
         if block is None or block.block.is_xref:
-            self.found[
-                Content("external reference", "dropped", f"{insert.dxf.name!r}, whose content is elsewhere")
-            ] += 1
+            words = f"{insert.dxf.name!r}, whose content is elsewhere"
+            self.counts[Content("external reference", "dropped", words)] += 1
             return
         turned = insert.matrix44().determinant() < 0
-        self.found[Content("mirrored block insertion" if turned else "block insertion")] += insert.mcount
+        self.counts[Content("mirrored block insertion" if turned else "block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, mirrored != turned)
 

@@ -21,10 +21,10 @@ from dsfab.surface.files.reading import (
     Content,
     MalformedFileError,
     TriangleFile,
+    concatenated_mesh,
     contents,
     hidden_on,
-    joined,
-    placed,
+    mesh_at,
     text_file,
 )
 from dsfab.surface.orientation import upright_vertices
@@ -204,12 +204,12 @@ def _scene(
 ) -> TriangleFile:
     scene = _Scene(tree, Buffers(tree, binary, read_neighbour, budget), budget)
     try:
-        V, F = joined(list(scene.parts()))
+        V, F = concatenated_mesh(list(scene.parts()))
         scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
     V, F = equal_merged(V, F) if len(F) else (V, F)
-    return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.found))
+    return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
 
 
 @dataclass(frozen=True)
@@ -217,7 +217,7 @@ class _Scene:
     tree: dict[str, Any]
     buffers: Buffers
     budget: Budget
-    found: Counter[Content] = field(default_factory=Counter)
+    counts: Counter[Content] = field(default_factory=Counter)
     used: set[int] = field(default_factory=set)
 
     def parts(self) -> Iterator[tuple[Floats, Ints]]:
@@ -227,19 +227,19 @@ class _Scene:
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
-                    self.found[Content("line or point primitive", "dropped")] += 1
+                    self.counts[Content("line or point primitive", "dropped")] += 1
                     continue
                 V, F = self._primitive(primitive, mode)
                 total += len(F)
                 self.budget.require_triangles(total)
                 self.budget.require_time()
-                yield placed(V, F, matrix)
+                yield mesh_at(V, F, matrix)
 
     def count_unused(self) -> None:
         """Count meshes outside the scene, cameras and lights."""
         unused = len(self.tree.get("meshes", ())) - len(self.used)
-        self.found[Content("mesh", "dropped", "outside the visible scene")] += unused
-        self.found[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
+        self.counts[Content("mesh", "dropped", "outside the visible scene")] += unused
+        self.counts[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
 
     def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
@@ -257,12 +257,12 @@ class _Scene:
             shown = shown and extensions.get("KHR_node_visibility", {}).get("visible", True)
             matrix = above @ _matrix(node)
             if "skin" in node:
-                self.found[Content("skin", "dropped")] += 1
+                self.counts[Content("skin", "dropped")] += 1
             if "mesh" in node and not shown:
                 self.used.add(node["mesh"])
-                self.found[hidden_on("")] += 1
+                self.counts[hidden_on("")] += 1
             elif "mesh" in node:
-                self.found[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
+                self.counts[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
                 instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
                 yield from ((node["mesh"], matrix @ place) for place in instances)
             waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))
@@ -274,14 +274,14 @@ class _Scene:
         if not tables:
             yield np.eye(4)
         for rows in zip(*tables, strict=False):
-            self.found[Content("instance")] += 1
+            self.counts[Content("instance")] += 1
             yield _matrix(dict(zip((name.lower() for name in names), rows, strict=True)))
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
             raise MalformedFileError("it is compressed (KHR_draco_mesh_compression): export it without compression")
         if "targets" in primitive:
-            self.found[Content("morph target", "dropped")] += len(primitive["targets"])
+            self.counts[Content("morph target", "dropped")] += len(primitive["targets"])
         V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)
         order = np.arange(len(V))
         if "indices" in primitive:
@@ -293,7 +293,7 @@ class _Scene:
     def _faces(self, order: Ints, mode: int) -> Ints:
         if mode == _TRIANGLES:
             if len(order) % 3:
-                self.found[Content("surplus corner", "dropped")] += len(order) % 3
+                self.counts[Content("surplus corner", "dropped")] += len(order) % 3
             return order[: len(order) // 3 * 3].reshape(-1, 3)
         if len(order) < 3:
             return np.empty((0, 3), dtype=np.int64)

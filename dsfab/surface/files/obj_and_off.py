@@ -74,12 +74,12 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    found = Counter({Content("group"): sum(f"\n{file.text}".count(f"\n{word} ") for word in "og")})
+    inventory = Counter({Content("group"): sum(f"\n{file.text}".count(f"\n{word} ") for word in "og")})
     for shape, kind in _IGNORED_SHAPES.items():
-        found[Content(kind, "dropped")] += ignored[shape]
+        inventory[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
     dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
-    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(found))
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:

@@ -16,7 +16,7 @@ from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged, merged_vertices
 from dsfab.surface.files.polygons import Polygons, polygons, triangles
 from dsfab.surface.files.reader import oriented_surface
-from dsfab.surface.files.reading import joined
+from dsfab.surface.files.reading import concatenated_mesh
 from dsfab.surface.mesh import Surface
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
             parts.append((V, F))
     except lib3mf.ELib3MFException:
         raise SurfaceError(f"{path}: lib3mf cannot read this file, though dsfab can; export it again") from None
-    return joined(parts)
+    return concatenated_mesh(parts)
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":

@@ -137,10 +137,10 @@ def mark(kind: str, layer: str) -> Content:
     word = layer.lower()
     if word in MARK_LAYERS:
         return Content(kind, "beside", f"on layer {layer!r}")
-    near = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
-    near = near or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, 0.8))
-    if near and kind in ("curve", "point"):
-        return Content(kind, "dropped", f"on layer {layer!r}; did you mean layer {near}?")
+    match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
+    match = match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, 0.8))
+    if match and kind in ("curve", "point"):
+        return Content(kind, "dropped", f"on layer {layer!r}; did you mean layer {match}?")
     return Content(kind, "beside")
 
 
@@ -175,13 +175,13 @@ class FileRecord:
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
 
     @property
-    def taken(self) -> str:
+    def surface_words(self) -> str:
         """Words for the content of the surface, if it is more than faces: '2 meshes, 4 block insertions'."""
         things = [thing for thing in self.content if thing.fate == "taken"]
         return ", ".join(thing.text for thing in things) if {thing.kind for thing in things} - {"face"} else ""
 
     @property
-    def beside(self) -> str:
+    def other_words(self) -> str:
         """Words for the content that is no surface: '3 curves, 2 points'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
@@ -230,7 +230,7 @@ def declared_unit(word: str) -> str | None:
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
 
-def joined(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
     """Return the vertices (n, 3) and faces (m, 3) of several meshes as one mesh; vertices stay apart."""
     starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
@@ -238,7 +238,7 @@ def joined(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
     return V, np.concatenate([np.empty((0, 3), dtype=np.int64), *faces])
 
 
-def placed(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
+def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
     """Return a mesh after a transformation (4, 4); a mirrored mesh has its faces turned, as glTF and 3MF demand."""
     turned = F[:, ::-1] if np.linalg.det(place[:3, :3]) < 0 else F
     return (V @ place[:3, :3].T + place[:3, 3] if (place != np.eye(4)).any() else V), turned

@@ -19,13 +19,13 @@ from dsfab.surface.files.reading import (
     DrawingBudget,
     MalformedFileError,
     TriangleFile,
+    concatenated_mesh,
     contents,
     curve_points,
     declared_unit,
     hidden_on,
-    joined,
     mark,
-    placed,
+    mesh_at,
 )
 
 _KINDS = {
@@ -45,15 +45,15 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
     model = _model(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
-    drawn = _DrawnObjects(model, budget, hidden_layers=True)
-    for layer, thing, place in drawn.all():
+    drawing = _DrawnObjects(model, budget, hidden_layers=True)
+    for layer, thing, place in drawing.all():
         if isinstance(thing, rhino3dm.Curve):
             runs.append((layer, _transformed(_points(thing), place)))
             count += len(runs[-1][1])
             budget.require("points", count)
         elif isinstance(thing, rhino3dm.Point):
             dots.append((layer, _transformed(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
-    layers, hidden = tuple(sorted(layer.Name for layer in model.Layers)), tuple(drawn.hidden)
+    layers, hidden = tuple(sorted(layer.Name for layer in model.Layers)), tuple(drawing.hidden)
     return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots), hidden)
 
 
@@ -63,24 +63,26 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
 
     Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
     model = _model(path)
-    drawn, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
-    for layer, thing, place in drawn.all():
+    drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
+    for layer, thing, place in drawing.all():
         meshes, name = _meshes(thing), type(thing).__name__
         bare += meshes is None
         if meshes:
-            drawn.found[Content(_KINDS[name])] += 1
+            drawing.counts[Content(_KINDS[name])] += 1
         elif meshes is None:
-            drawn.found[Content("surface", "dropped", "saved without its mesh")] += 1
+            drawing.counts[Content("surface", "dropped", "saved without its mesh")] += 1
         else:
             kind = _KINDS.get(name, f"{name} object")
-            drawn.found[mark(kind, layer) if name in _KINDS else Content(kind, "dropped")] += 1
-        parts += [placed(*_mesh_arrays(mesh), place) for mesh in meshes or ()]
-    found = contents(drawn.found)
+            drawing.counts[mark(kind, layer) if name in _KINDS else Content(kind, "dropped")] += 1
+        parts += [mesh_at(*_mesh_arrays(mesh), place) for mesh in meshes or ()]
+    inventory = contents(drawing.counts)
     if not parts:
         what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
-        over = "".join(f"; ignored: {thing.text}" for thing in found if thing.kind == "hidden object")
+        over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
         raise SurfaceError(f"the file has {what}{over}; make a mesh in Rhino (Mesh), or export the surface as STEP")
-    return TriangleFile(*joined(parts), declared_unit(model.Settings.ModelUnitSystem.name), content=found)
+    return TriangleFile(
+        *concatenated_mesh(parts), declared_unit(model.Settings.ModelUnitSystem.name), content=inventory
+    )
 
 
 def _meshes(thing: Any) -> list[Any] | None:
@@ -136,7 +138,7 @@ class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it also counts them. A file lists the content of a block among
     all objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix.
     hidden : names of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects, too.
-    found : counted insertions and hidden objects."""
+    counts : counted insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -150,7 +152,7 @@ class _DrawnObjects:
             if outer is not None:
                 self.hidden.append(layer.Name)
                 self.skipped |= set() if hidden_layers else {layer.Index}
-        self.found = Counter[Content]()
+        self.counts = Counter[Content]()
 
     def all(self) -> Iterator[tuple[str, Any, Floats]]:
         """Yield layer, geometry and matrix (4, 4) of each visible object outside the definitions of blocks."""
@@ -168,11 +170,11 @@ class _DrawnObjects:
             self.budget.require("entities", self.count)
             layer = self.layers.get(thing.Attributes.LayerIndex, "")
             if not thing.Attributes.Visible or thing.Attributes.LayerIndex in self.skipped:
-                self.found[hidden_on(layer)] += 1
+                self.counts[hidden_on(layer)] += 1
             elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 matrix = _matrix(thing.Geometry.Xform)
                 mirrored = np.linalg.det(matrix[:3, :3]) < 0
-                self.found[Content("mirrored block insertion" if mirrored else "block insertion")] += 1
+                self.counts[Content("mirrored block insertion" if mirrored else "block insertion")] += 1
                 yield from self.objects(self._block_objects(thing.Geometry.ParentIdefId), place @ matrix, depth + 1)
             else:
                 yield layer, thing.Geometry, place
@@ -235,7 +237,7 @@ def read_occt(path: Path) -> TriangleFile:
     if lost == len(parts):
         raise MalformedFileError("none of its faces can be meshed")
     unit = None if path.suffix.lower() == ".brep" else "mm"
-    return TriangleFile(*joined(parts), unit, content=contents(_shape_counts(shape, len(parts), lost)))
+    return TriangleFile(*concatenated_mesh(parts), unit, content=contents(_shape_counts(shape, len(parts), lost)))
 
 
 def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:

@@ -22,11 +22,11 @@ from dsfab.surface.files.reading import (
     Content,
     MalformedFileError,
     TriangleFile,
+    concatenated_mesh,
     contents,
     declared_unit,
     float_of,
-    joined,
-    placed,
+    mesh_at,
     text_file,
     whole_number,
 )
@@ -115,10 +115,10 @@ def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
     for key in (*plate.unprinted, *(key for key, _ in plate.items)):
         plate.require_ends(key, 0)
     budget.require_triangles(sum(plate.triangles[key] for key, _ in plate.items))
-    V, F = joined([part for key, place in plate.items for part in plate.meshes(key, place)])
+    V, F = concatenated_mesh([part for key, place in plate.items for part in plate.meshes(key, place)])
     unused = plate.objects.keys() - plate.triangles
-    plate.found[Content("object", "dropped", "that the build plate lacks")] = len(unused)
-    return TriangleFile(V, F, plate.unit, content=contents(plate.found))
+    plate.counts[Content("object", "dropped", "that the build plate lacks")] = len(unused)
+    return TriangleFile(V, F, plate.unit, content=contents(plate.counts))
 
 
 @dataclass
@@ -133,13 +133,13 @@ class _Object:
 
 class _Plate:
     """Content of all parts of a file. items : object and transformation (4, 4) of each item on the build plate.
-    triangles : number of triangles of each object in use, with its components.    found : counted content."""
+    triangles : number of triangles of each object in use, with its components.    counts : counted content."""
 
     def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
         self.budget, self.count, self.open = budget, 0, _Object("")  # the open object is the one that is being read
         self.unit: str | None = None
         self.objects, self.items, self.triangles = dict[Key, _Object](), list[tuple[Key, Floats]](), dict[Key, int]()
-        self.found, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
+        self.counts, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
         self.aids = print_aids(texts)
         models = [name for name in texts if name.lower().endswith(".model")]
         target = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
@@ -174,19 +174,19 @@ class _Plate:
         elif kind == "triangle" and "trianglesets" not in space:
             self.open.F.extend((whole_number(values["v1"]), whole_number(values["v2"]), whole_number(values["v3"])))
         elif kind in ("beam", "ball"):
-            self.found[Content(kind, "dropped", "of a lattice")] += 1
+            self.counts[Content(kind, "dropped", "of a lattice")] += 1
         elif kind == "object":
             self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"))
         elif kind == "component":
             self.open.parts.append((self._key(values), _place(values)))
-            self.found[Content("component")] += 1
+            self.counts[Content("component")] += 1
         elif kind == "item" and self.part == self.root:
             if values.get("printable", "1") == "0":
-                self.found[Content("item", "dropped", "that its slicer does not print")] += 1
+                self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
                 self.unprinted.append(self._key(values))
             else:
                 self.items.append((self._key(values), _place(values)))
-                self.found[Content("item")] += 1
+                self.counts[Content("item")] += 1
         elif kind == "model":
             self._model(values)
 
@@ -217,21 +217,21 @@ class _Plate:
         """Yield V (n, 3) and F (m, 3) of an object and its components after a transformation (4, 4)."""
         thing = self.objects[key]
         if thing.kind not in _TAKEN:
-            self.found[Content("object", "dropped", f"of the type {thing.kind!r}")] += 1
+            self.counts[Content("object", "dropped", f"of the type {thing.kind!r}")] += 1
             return
         if thing.V:
             V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
-            kept = np.ones(len(F), dtype=bool)
-            for first, last in self.aids.get((key[1], ""), ()):
-                kept[first : last + 1] = False
-                self.found[_AID] += 1
+            is_model = np.ones(len(F), dtype=bool)
+            for start, end in self.aids.get((key[1], ""), ()):
+                is_model[start : end + 1] = False
+                self.counts[_AID] += 1
             if len(F):
                 mirrored = np.linalg.det(place[:3, :3]) < 0
-                self.found[Content("mirrored object" if mirrored else "object")] += 1
-            yield placed(V, F[kept], place)
+                self.counts[Content("mirrored object" if mirrored else "object")] += 1
+            yield mesh_at(V, F[is_model], place)
         for part, inner in thing.parts:
             if (key[1], part[1]) in self.aids:
-                self.found[_AID] += 1
+                self.counts[_AID] += 1
             elif self.triangles[part]:
                 yield from self.meshes(part, place @ inner)
 
