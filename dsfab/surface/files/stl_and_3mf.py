@@ -93,11 +93,7 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
 
 
 def _line_number(text: str, position: int) -> int:
-    return (
-        text.count("\n", 0, position)
-        + text[position:].count("\n", 0, len(text) - position - len(text[position:].lstrip()))
-        + 1
-    )
+    return text.count("\n", 0, len(text) - len(text[position:].lstrip())) + 1
 
 
 _NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
