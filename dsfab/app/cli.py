@@ -2,6 +2,7 @@
 
 Exit codes: see `dsfab.app.terminal.ExitCode`."""
 
+import errno
 import gc
 import os
 import platform
@@ -88,6 +89,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except MemoryError as error:
         return _fail(ExitCode.BUG, f"the memory is too small; make the mesh coarser{_details(words, error)}")
     except Exception as error:  # handler of last resort for bugs
+        if isinstance(error, OSError) and error.errno == errno.ENAMETOOLONG:
+            return _fail(ExitCode.REFUSED, f"the name {str(error.filename)[:40]}... is too long; choose a shorter name")
         return _fail(ExitCode.BUG, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return int(code) if isinstance(code, int) else ExitCode.DONE
 

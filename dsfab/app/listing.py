@@ -128,7 +128,7 @@ def _measured_facts(preset: str, source: Source, picture: Path | None) -> dict[s
 def _show_mesh(path: Path, source: Source) -> bool:
     from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
-    raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES)
+    raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES, source.unit)
     facts = mesh_facts(path, raw, source.unit)
     accepted, verdict = _verdict(path, source, raw)
     print_result(str(path))
@@ -186,6 +186,8 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("manifold", "yes, and oriented" if facts.manifold else "no"),
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),
+        ("taken", facts.record.surface_words),
+        ("beside", facts.record.other_words and f"{facts.record.other_words}: no surface"),
         *(("repaired", text) for text in facts.record.repaired),
         *(("dropped", text) for text in facts.record.dropped),
     ]

@@ -22,7 +22,7 @@ def names_and_count(names: Sequence[str], shown: int = 5) -> str:
 
 def count_phrase(number: int, thing: str) -> str:
     """Return a count with its noun: '1 face', '12 faces', '2 vertices'."""
-    plural = {"vertex": "vertices"}.get(thing, thing + "s")
+    plural = {"vertex": "vertices"}.get(thing, thing + ("es" if thing.endswith("sh") else "s"))
     return f"{number:,} {thing if number == 1 else plural}"
 
 

@@ -1,6 +1,6 @@
 """Write solids and sheets to files in millimetres; a second reader checks each file before the file gets its name."""
 
-from dsfab.export.cad.rhino import mesh_arrays, mesh_json, polyline_json
+from dsfab.export.cad.rhino import mesh_json, polyline_json
 from dsfab.export.cad.rhino import require_rhino3dm as require_rhino
 from dsfab.export.cad.step.shared.skins import SmoothLimits, smooth_limits
 from dsfab.export.cad.step.soundness import StepTriangles, curved_soundness, cut_fault, step_triangles
@@ -25,7 +25,7 @@ __all__ = [
     "FORMATS", "STEP_FACES", "Details", "Estimate", "Fault", "FlatCircle", "FlatDrawing", "FlatLine", "MemberShape",
     "PreparedProgram", "ProgramError", "SmoothLimits", "Soundness", "StepOptions", "StepTriangles", "Written",
     "atomic_file", "atomic_folder", "check_flat_dxf", "complete_folder", "curved_soundness", "cut_fault", "flat_dxf",
-    "flat_svg", "last_line", "mesh_arrays", "mesh_json", "polyline_json", "read_step", "require_rhino",
+    "flat_svg", "last_line", "mesh_json", "polyline_json", "read_step", "require_rhino",
     "require_writable", "require_writable_file", "smooth_limits", "soundness", "step_estimates", "step_triangles",
     "temporary_folder", "work_while_waiting", "write", "write_chunks",
 ]  # fmt: skip

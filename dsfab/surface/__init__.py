@@ -31,6 +31,7 @@ from dsfab.surface.files.reader import (
     surface_of_file,
     unit_guess,
 )
+from dsfab.surface.files.reading import MARK_LAYERS
 from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
 from dsfab.surface.loads.combinations import (
     ACTION_OF_LOAD,
@@ -110,11 +111,11 @@ from dsfab.surface.topology import (
 )
 
 __all__ = [
-    "ACTION_OF_LOAD", "CREASE", "DEFAULT_TRIANGLES", "FAR_TOLERANCE", "FIGURES", "LARGEST_GROUP", "MATRIX_TOLERANCE",
-    "MESH_SUFFIXES", "SHAPES", "ActionKind", "All", "Ball", "Boundary", "Box", "Brush", "CaseName", "Cladding",
-    "ClosedCurves", "Combination", "CombinationRule", "CornerField", "DesignFactors", "Distances", "DividedField",
-    "EdgeTable", "Facing", "FileRecord", "Force", "LimitState", "Line", "Load", "LoadCase", "LoadParts", "Marks",
-    "MeshFacts", "Nearest", "NearestPlaces", "Origins", "PatternRegion", "Picker", "PlanPolygon", "Pressure",
+    "ACTION_OF_LOAD", "CREASE", "DEFAULT_TRIANGLES", "FAR_TOLERANCE", "FIGURES", "LARGEST_GROUP", "MARK_LAYERS",
+    "MATRIX_TOLERANCE", "MESH_SUFFIXES", "SHAPES", "ActionKind", "All", "Ball", "Boundary", "Box", "Brush", "CaseName",
+    "Cladding", "ClosedCurves", "Combination", "CombinationRule", "CornerField", "DesignFactors", "Distances",
+    "DividedField", "EdgeTable", "Facing", "FileRecord", "Force", "LimitState", "Line", "Load", "LoadCase", "LoadParts",
+    "Marks", "MeshFacts", "Nearest", "NearestPlaces", "Origins", "PatternRegion", "Picker", "PlanPolygon", "Pressure",
     "RawMesh", "SelfWeight", "Side", "SizeField", "Snow", "StructureLine", "Support", "Surface", "SurfaceInFile",
     "Up", "Vertices", "VerticesLeft", "Wind", "action_mistakes", "as_circle", "as_polyline", "bounding_box",
     "centroid", "chains", "change_sizes", "coincident", "combined_case", "corner_fans", "corners_of", "describe",

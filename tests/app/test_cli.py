@@ -9,6 +9,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import ezdxf
 import pytest
 import trimesh
 
@@ -416,6 +417,10 @@ def test_a_mesh_in_millimetres_is_scaled(capsys, tmp_path):
         "read": [f"OBJ: {cap.n + 1} vertices, {cap.m + 1} faces", "UTF-8 with a byte order mark"],
         "repaired": [],
         "dropped": ["1 face with fewer than three corners", "1 vertex without a face"],
+        "content": [
+            {"kind": "face", "fate": "taken", "about": "", "count": cap.m},
+            {"kind": "face", "fate": "dropped", "about": "with fewer than three corners", "count": 1},
+        ],
     }
     assert "  cap.obj, dropped: 1 vertex without a face" in said
     assert facts["surface"]["area_m2"] == pytest.approx(cap.area, rel=1e-5)
@@ -450,6 +455,43 @@ def test_a_missing_mesh_is_refused_with_its_path(capsys, tmp_path):
     missed = str(tmp_path / "nowhere.obj")
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--mesh", missed)
     assert "nowhere.obj does not exist" in refused(capsys, "build", "roof", "--set", f"surface.file={missed}")
+
+
+@pytest.mark.parametrize("words", [("new", "{}", "-o", "{name}.toml"), ("inspect", "{name}.obj"), ("build", "{name}")])
+def test_a_name_of_300_letters_is_refused_in_one_sentence(capsys, tmp_path, monkeypatch, words):
+    monkeypatch.chdir(tmp_path)
+    trimesh.creation.box((8, 6, 3)).export("roof.obj")
+    said = refused(capsys, *(word.format("roof.obj", name="a" * 300) for word in words))
+    assert said.endswith(f"{'a' * 40}... is too long; choose a shorter name")
+
+
+def test_cases_have_names_in_letters_of_any_language(capsys):
+    for name in ("Schnee ü", "雪", "нагрузка.1"):
+        assert (
+            load_preset("dome", {"surface.load": [{"kind": "self_weight", "case": name}]}).surface.load[0].case == name
+        )
+    said = refused(capsys, "build", "dome", "--set", 'surface.load=[{kind = "self_weight", case = "snow+1"}]')
+    assert "'snow+1': use letters, digits, spaces and the marks _ . - after a letter or digit" in said
+
+
+def test_inspect_prints_the_inventory_of_a_file(capsys, tmp_path):
+    document = ezdxf.new(units=6)
+    document.layers.add("old").freeze()
+    for layer in ("0", "old"):
+        for x in (0, 4):
+            corners = [(x, 0, 0), (x + 4, 0, 0), (x + 4, 6, 2), (x, 6, 2)]
+            document.modelspace().add_3dface(corners, dxfattribs={"layer": layer})
+    document.modelspace().add_line((0, 0), (1, 0))
+    document.modelspace().add_line((0, 0), (8, 0), dxfattribs={"layer": "supports"})
+    document.saveas(file := tmp_path / "roof.dxf")
+    _, said, _ = run(capsys, "inspect", str(file))
+    rows = [line.split(None, 1) for line in said.splitlines()]
+    assert ["beside", "1 curve: no surface"] in rows
+    assert ["dropped", "2 hidden objects on layer 'old'"] in rows
+    assert ["dropped", "1 curve on layer 'supports'; did you mean layer support?"] in rows
+    _, said, _ = run(capsys, "new", str(file), "-o", str(tmp_path / "roof.toml"))
+    assert "beside the surface: 1 curve" in said
+    assert "2 hidden objects on layer 'old'" in said
 
 
 FEW = ("--set", "surface.edge=2")

@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import ezdxf
 import pytest
 
 from dsfab.app.cli import main
@@ -18,6 +19,7 @@ COMMANDS = {
     "does not exist": "build kirchendach.obj",
     "is empty": "build empty.obj",
     "and no faces": "build points.obj",
+    "is in miles": "build miles.dxf",
     "would move": "build dome --set statics.young=1e7",
     "which is impossible": "build dome --set statics.thickness=60",
     "touch no support": "build two.obj --set surface.support=[{at={pick='boundary',loop=0},hold='xyz'}]",
@@ -59,8 +61,11 @@ def desk(tmp_path, monkeypatch):
     }
     for name, text in texts.items():
         (tmp_path / name).write_text(text, encoding="utf-8")
+    drawing = ezdxf.new(units=3)
+    drawing.modelspace().add_3dface([(0, 0), (1, 0), (1, 1)])
+    drawing.saveas(tmp_path / "miles.dxf")
     monkeypatch.chdir(tmp_path)
-    return set(texts)
+    return {*texts, "miles.dxf"}
 
 
 def listed(part: str) -> list[str]:

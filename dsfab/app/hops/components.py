@@ -16,6 +16,7 @@ from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal import preset_for
 from dsfab.study import METRICS
+from dsfab.surface.clean.seams import equal_merged
 from dsfab.workshop import workshop_plan
 
 INPUTS = (
@@ -38,8 +39,8 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 def preset_of_request(request: HopsRequest) -> Preset:
     """Return the preset that dsfab proposes for the mesh, changed by the other inputs. Raises DsfabError."""
-    V, F = request.values["mesh"]
-    proposed = preset_for((V, F), unit=request.unit, up="z")
+    mesh = request.values["mesh"]
+    proposed = preset_for(equal_merged(mesh.V, mesh.F), unit=request.unit, up="z")
     return with_overrides(proposed, dict(_changes(request, proposed)))
 
 
@@ -87,8 +88,10 @@ def design_of_request(request: HopsRequest) -> Design:
     return design
 
 
-def _note_texts(design: Design) -> list[str]:
-    return [note.text for note in design.notes]
+def _note_texts(design: Design, request: HopsRequest) -> list[str]:
+    """Return what the mesh holds, and the notes on the design."""
+    mesh = request.values["mesh"]
+    return [f"taken: {', '.join(thing.text for thing in mesh.content)}", *(note.text for note in design.notes)]
 
 
 def _curves_and_names(design: Design, kind: str, request: HopsRequest) -> tuple[list[str], list[str]]:
@@ -103,14 +106,14 @@ def solve_structure(request: HopsRequest) -> Sequence[Any]:
     edges, _ = _curves_and_names(design, "edge", request)
     stiffness = float(METRICS["compliance_quick"](design))
     solid = mesh_json(design.solid.V / request.metre, design.solid.F)
-    return solid, lines, edges, names, stiffness, float(design.mass), _note_texts(design)
+    return solid, lines, edges, names, stiffness, float(design.mass), _note_texts(design, request)
 
 
 def solve_preview(request: HopsRequest) -> Sequence[Any]:
     """Return the cut sheet, its centre lines, and notes; without the solid, the answer takes less time."""
     design = design_of_request(request).until("slicing")
     sheet, lines = design.sheet.surface, _curves_and_names(design, "centre", request)[0]
-    return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design)
+    return mesh_json(sheet.V / request.metre, sheet.F), lines, _note_texts(design, request)
 
 
 def solve_members(request: HopsRequest) -> Sequence[Any]:

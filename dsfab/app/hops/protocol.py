@@ -11,7 +11,8 @@ from typing import Any, Literal
 
 from dsfab.core.errors import DsfabError
 from dsfab.core.units import METRES_PER
-from dsfab.export import mesh_arrays
+from dsfab.surface.files.reading import declared_unit
+from dsfab.surface.files.rhino_and_step import read_rhino_json
 
 Kind = Literal["Mesh", "Curve", "Point", "Number", "Text"]
 NET_TYPES: dict[Kind, str] = {
@@ -24,9 +25,6 @@ NET_TYPES: dict[Kind, str] = {
 """Names of the .NET types of output values."""
 
 UNLIMITED = 2**31 - 1  # Hops takes this number for no limit.
-
-UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
-"""Units by Rhino's words for them."""
 
 
 class HopsError(DsfabError):
@@ -90,7 +88,7 @@ class HopsComponent:
 
 @dataclass(frozen=True)
 class HopsRequest:
-    """Values by parameter name; None stands for a missing value. A mesh is (V, F), a point is three numbers.
+    """Values by parameter name; None stands for a missing value. A mesh is a `TriangleFile`, a point is three numbers.
     unit : unit of all lengths, such as 'mm'.    key : text that is equal for equal requests."""
 
     values: Mapping[str, Any]
@@ -114,12 +112,13 @@ def read_request(component: HopsComponent, body: Mapping[str, Any]) -> HopsReque
         raise HopsError(
             "this is not a request of Hops, because its values have another form; use a Hops component"
         ) from None
-    word = str(body.get("modelunits") or "Meters").lower()
-    if word not in UNITS:
-        raise HopsError(f"the unit of the model is {word}; work in {', '.join(UNITS)}")
+    word = str(body.get("modelunits") or "Meters")
+    unit = declared_unit(word) or ""
+    if unit not in METRES_PER:
+        raise HopsError(f"the unit of the model is {unit or word}; work in one of {', '.join(METRES_PER)}")
     key = json.dumps([component.inputs[0].name, sorted(items_by_name.items()), word])
     values = {entry.name: _parameter_value(entry, items_by_name.get(entry.name, [])) for entry in component.inputs}
-    return HopsRequest(values, UNITS[word], key)
+    return HopsRequest(values, unit, key)
 
 
 def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]]) -> Any:
@@ -136,7 +135,7 @@ def _parameter_value(parameter: HopsParameter, items: Sequence[tuple[str, str]])
 def _value(parameter: HopsParameter, data: str) -> Any:
     try:
         if parameter.kind == "Mesh":
-            return mesh_arrays(data)
+            return read_rhino_json(data)
         value = json.loads(data)
         if parameter.kind == "Point":
             return tuple(_number(value[axis]) for axis in "XYZ")

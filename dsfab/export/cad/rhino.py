@@ -144,12 +144,14 @@ def _chunk(data: bytes, start: int, end: int, kind: int) -> tuple[int, int] | No
 
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
-    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3)."""
+    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3).
+    Only vertices that single precision would move are stored in double precision, which takes twice the space."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
+    add = mesh.Vertices.Add if np.array_equal(V, V.astype(np.float32)) else mesh.Vertices.AddPoint3d
     for vertex in V.tolist():
-        mesh.Vertices.Add(*vertex)
+        add(*vertex)
     for face in F.tolist():
         mesh.Faces.AddFace(*face)
     mesh.Normals.ComputeNormals()
@@ -223,7 +225,7 @@ def _valid_items(part: Part, path: Path, instead: str) -> list[tuple[str, Any]]:
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
     """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle has its last corner twice."""
-    V = np.array([(v.X, v.Y, v.Z) for v in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))]).reshape(-1, 3)
+    V = np.array([(v.X, v.Y, v.Z) for v in map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))]).reshape(-1, 3)
     F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
     return V, F
 
@@ -290,32 +292,3 @@ def polyline_json(points: Floats) -> str:
     require_rhino3dm()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())
-
-
-def mesh_arrays(text: str) -> tuple[Floats, Ints]:
-    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON; quads are split along the shorter
-    diagonal. Raises ExportError if the text contains no mesh."""
-    require_rhino3dm()
-    import rhino3dm
-
-    try:
-        mesh = rhino3dm.CommonObject.Decode(json.loads(text))
-    except Exception:  # rhino3dm does not document its exceptions
-        mesh = None
-    if mesh is None:
-        raise ExportError("the text is not Rhino's JSON of a geometry; send the result of CommonObject.Encode")
-    if type(mesh).__name__ != "Mesh":
-        raise ExportError(f"the geometry is a {type(mesh).__name__}, not a mesh; convert it to a mesh in Grasshopper")
-    V, corners = rhino_arrays(mesh)
-    return V, _triangles(V, corners)
-
-
-def _triangles(V: Floats, corners: Ints) -> Ints:
-    if not len(corners):
-        return np.zeros((0, 3), dtype=np.int64)
-    quad = corners[:, 2] != corners[:, 3]
-    a, b, c, d = (V[corners[:, k]] for k in range(4))
-    straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
-    lower = np.where((quad & ~straight)[:, None], corners[:, [0, 1, 3]], corners[:, :3])
-    upper = np.where(straight[:, None], corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
-    return np.concatenate([lower, upper[quad]])

@@ -11,9 +11,8 @@ from dsfab.core.units import metres_per
 from dsfab.preset.proposal.reading import Decision, UserMesh
 from dsfab.preset.proposal.readings import SupportPlace
 from dsfab.preset.proposal.sizes import Sizes
-from dsfab.surface import Marks, marks_on_layers
+from dsfab.surface import MARK_LAYERS, Marks, marks_on_layers
 
-LAYERS = ("support", "load", "keep", "void")
 DRAWINGS = (".3dm", ".dxf")
 FORCE = 1000.0
 """Placeholder for marks on the layer `load`: N at each point, N/m along each line and Pa inside each closed curve."""
@@ -26,7 +25,7 @@ def drawn_marks(user_mesh: UserMesh) -> dict[str, Marks]:
     path = Path(str(user_mesh.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
         return {}
-    by_layer = marks_on_layers(path, LAYERS, metres_per(str(user_mesh.keys["unit"])))
+    by_layer = marks_on_layers(path, MARK_LAYERS, metres_per(str(user_mesh.keys["unit"])))
     if by_layer and user_mesh.keys.get("up", "z") != "z":
         raise SurfaceError(
             f"{path} has marks on layer {next(iter(by_layer))!r}, but its surface lies on its side; turn the drawing "

@@ -138,7 +138,7 @@ def mesh_in_file(
     max_triangles : limit for the file.    raw : content of the file, if the caller has read it.
     stand         : what holds it, see `choice`.
     Raises SurfaceError for an unreadable file, and for a mesh that is not a sheet even after repair."""
-    raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
+    raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES, unit)
     finite_faces(path, raw)
     scan, usual = is_scan(raw.V, raw.F), unit or unit_guess(raw)
     file_surface = surface_of_file(path, better := mended_raw_mesh(raw, scan, usual), usual)
@@ -177,7 +177,11 @@ def mesh_in_file(
 
 
 def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFile) -> Iterator[Decision]:
-    """Yield what was dropped, mended and repaired in a file."""
+    """Yield what a file holds besides plain faces, and what was dropped, mended and repaired."""
+    if raw.record.surface_words:
+        yield Decision("file", f"read: {raw.record.surface_words}")
+    if raw.record.other_words:
+        yield Decision("file", f"beside the surface: {raw.record.other_words}")
     yield from (Decision("file", remark) for remark in raw.record.remarks)
     if mends := better.record.repaired[len(raw.record.repaired) :]:
         words = ("as a raw scan: " if scan else "") + "; ".join(mends)

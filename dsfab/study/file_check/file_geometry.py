@@ -14,7 +14,7 @@ from dsfab.design.output import curved_design
 from dsfab.export import SmoothLimits, read_step, smooth_limits, step_triangles
 from dsfab.preset.model import Preset
 from dsfab.surface import DEFAULT_TRIANGLES, Surface, nearest_places, raw_mesh
-from dsfab.surface.files.other_libraries import stl_by_trimesh
+from dsfab.surface.files.other_libraries import stl_by_trimesh, threemf_by_lib3mf
 from dsfab.surface.topology import edge_table
 from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
@@ -89,7 +89,7 @@ def read_shipped(
         raw = raw_mesh(path, max_triangles)
         unit_name = unit or raw.unit or BY_CONVENTION
         metres = raw.metres if raw.unit else metres_per(unit_name)
-        V, F, lost = _join_vertices(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
+        V, F, lost = _join_vertices(*(stl_by_trimesh if suffix == ".stl" else threemf_by_lib3mf)(path))
         reader = "lib3mf" if raw.unit else "trimesh"
         contents = FileContents(path, V * metres, F, unit_name, raw.unit is not None, metres, lost, reader)
     if not np.isfinite(contents.V).all():

@@ -1,5 +1,6 @@
 """Reader of DXF files, and closed curves and layer marks of DXF and 3DM drawings."""
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -20,18 +21,25 @@ from dsfab.surface.files.reading import (
     CURVE_TOLERANCE,
     LARGEST_NUMBER,
     Budget,
+    Content,
     Drawing,
     DrawingBudget,
     MalformedFileError,
     TriangleFile,
+    contents,
     curve_points,
+    declared_unit,
+    hidden_on,
+    mark,
     readable,
 )
 from dsfab.surface.files.separate_process import read_rhino_in_process
 
-UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}  # Units by DXF's $INSUNITS.
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 """DXF entities that only AutoCAD can read, because their shapes are in AutoCAD's own format."""
+CURVES = ("LINE", "LWPOLYLINE", "POLYLINE", "CIRCLE", "ARC", "ELLIPSE", "SPLINE", "HELIX", "XLINE", "RAY")
+FLAT = ("SOLID", "TRACE", "IMAGE", "UNDERLAY", "WIPEOUT", "ACAD_PROXY_ENTITY", "OLE2FRAME")
+"""DXF entities with areas that are no meshes; the user may miss them."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
@@ -39,8 +47,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
-    for entity in _Entities(budget).leaves(document.modelspace(), 0):
-        layer = entity.dxf.layer
+    drawing = _Entities(document, budget, hidden_layers=True)
+    for entity, layer, _ in drawing.leaves(document.modelspace(), 0):
         for curve in _curves(entity):
             count += len(curve)
             budget.require("points", count)
@@ -48,7 +56,8 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
         if entity.dxftype() == "POINT":
             dots.append((layer, np.array([[*entity.dxf.location]])))
     layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in (*runs, *dots)})
-    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots))
+    hidden = tuple(name for name in layers if name.lower() in drawing.hidden)
+    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots), hidden)
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
@@ -56,25 +65,41 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
     exactly the same place become one vertex. Raises SurfaceError for a file without meshes or beyond the budget,
     MalformedFileError as `read_dxf` does."""
     document = _document(path)
-    V, corners, sizes, count, solids = list[Floats](), list[Ints](), list[Ints](), 0, 0
-    drawing = DrawingBudget(entities=budget.triangles, seconds=budget.seconds)
-    for entity in _Entities(drawing).leaves(document.modelspace(), 0):
-        solids += entity.dxftype() in SOLIDS
-        for mesh in _polygons(entity):
+    V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
+    drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
+    for entity, layer, mirrored in drawing.leaves(document.modelspace(), 0):
+        meshes = [*_polygons(entity)]
+        drawing.counts[_content(entity, layer, bool(meshes))] += 1
+        for mesh in meshes:
             V.append(mesh.V)
-            corners.append(mesh.corners + count)
-            sizes.append(mesh.sizes)
+            corners.append((mesh.corners[::-1] if mirrored else mesh.corners) + count)
+            sizes.append(mesh.sizes[::-1] if mirrored else mesh.sizes)
             count += len(mesh.V)
             budget.require_vertices(count)
+    on_paper = sum(
+        entity.dxftype() != "VIEWPORT" for page in document.layouts if not page.is_modelspace for entity in page
+    )
+    inventory = contents(drawing.counts + Counter({Content("object", "beside", "in paper space"): on_paper}))
     if not V:
+        solids = sum(thing.count for thing in inventory if thing.kind == "solid")
         what = f"{count_phrase(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
-        raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface; export it as a mesh, or as STEP")
+        over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
+        raise SurfaceError(f"the file has {what}: no 3DFACE, MESH or polyface{over}; export it as a mesh, or as STEP")
     cut_mesh = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
     points, faces = equal_merged(np.concatenate(V), cut_mesh.F)
     faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    unit = _unit(document)
-    dropped = (f"{count_phrase(solids, 'solid')} or surface",) if solids else ()
-    return TriangleFile(points, faces, unit, metres_per(unit or "m"), (), dropped)
+    return TriangleFile(points, faces, _unit(document), content=inventory)
+
+
+def _content(entity: Any, layer: str, has_mesh: bool) -> Content:
+    kind = entity.dxftype()
+    if has_mesh:
+        return Content("face" if kind == "3DFACE" else "mesh")
+    if kind in SOLIDS:
+        return Content("solid", "dropped", "or surface in AutoCAD's own format")
+    if kind in CURVES or kind == "POINT":
+        return mark("point" if kind == "POINT" else "curve", layer)
+    return Content(f"{kind} object", "dropped" if kind in FLAT else "beside")
 
 
 def _document(path: Path) -> Any:
@@ -93,7 +118,10 @@ def _document(path: Path) -> Any:
 
 
 def _unit(document: Any) -> str | None:
-    return UNITS.get(int(document.header.get("$INSUNITS", 0)))
+    from ezdxf.units import InsertUnits
+
+    code = int(document.header.get("$INSUNITS", 0))
+    return declared_unit(InsertUnits(code).name) if code in [*InsertUnits] else f"$INSUNITS {code}"
 
 
 def _polygons(entity: Any) -> Iterator[Polygons]:
@@ -118,27 +146,48 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Iterator over the drawn entities. It counts them, because nested blocks may repeat an entity a million times."""
+    """Iterator over the drawn entities. It counts them, because nested blocks may repeat an entity a million times.
+    hidden : lower names of the layers that are off or frozen.    hidden_layers : true to draw their entities, too.
+    counts : counted insertions and hidden objects."""
 
-    def __init__(self, budget: DrawingBudget) -> None:
-        self.budget, self.count = budget, 0
+    def __init__(self, document: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
+        self.budget, self.count, self.counts = budget, 0, Counter[Content]()
+        self.frozen = {layer.dxf.name.lower() for layer in document.layers if layer.is_frozen()}
+        self.hidden = self.frozen | {layer.dxf.name.lower() for layer in document.layers if layer.is_off()}
+        self.hidden_layers = hidden_layers
 
-    def leaves(self, entities: Any, depth: int) -> Iterator[Any]:
+    def leaves(
+        self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False
+    ) -> Iterator[tuple[Any, str, bool]]:
+        """Yield each visible entity with its layer, and whether its block is mirrored. In blocks, the layer 0 is the
+        layer `outer` of the insertion."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
             self.count += 1
             self.budget.require("entities", self.count)
             _require_numbers(entity)
-            if entity.dxftype() == "INSERT":
-                yield from self._block_entities(entity, depth)
+            layer = outer if entity.dxf.layer == "0" else entity.dxf.layer
+            is_block = entity.dxftype() == "INSERT"
+            is_hidden = layer.lower() in (self.frozen if is_block else self.hidden) and not self.hidden_layers
+            if is_hidden or entity.dxf.get("invisible", 0):
+                self.counts[hidden_on(layer)] += 1
+            elif is_block:
+                yield from self._block_entities(entity, depth, layer, mirrored)
             else:
-                yield entity
+                yield entity, layer, mirrored
 
-    def _block_entities(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
+    def _block_entities(self, insert: Any, depth: int, layer: str, mirrored: bool) -> Iterator[tuple[Any, str, bool]]:
         self.budget.require("entities", self.count + insert.mcount)
-        for placed in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.leaves(placed.virtual_entities(), depth + 1)
+        block = insert.block()
+        if block is None or block.block.is_xref:
+            words = f"{insert.dxf.name!r}, whose content is elsewhere"
+            self.counts[Content("external reference", "dropped", words)] += 1
+            return
+        turned = insert.matrix44().determinant() < 0
+        self.counts[Content("mirrored block insertion" if turned else "block insertion")] += insert.mcount
+        for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
+            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, mirrored != turned)
 
 
 def _require_numbers(entity: Any) -> None:
@@ -232,13 +281,14 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the content of the layers with these names (any case), by name, without empty layers.
+    """Return the content of the visible layers with these names (any case), by name, without empty layers.
     metres : length of the file's unit in metres. Raises SurfaceError for an unreadable file, as `closed_curves` does.
     """
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
+    shown = {name.lower() for name in drawing.layers} - {name.lower() for name in drawing.hidden}
     marks = {}
-    for word in words:
+    for word in (word for word in words if word in shown):
         points = [metres * place for layer, place in drawing.points if layer.lower() == word]
         curves = [metres * run for layer, run in drawing.runs if layer.lower() == word and len(run) > 1]
         layer = next((name for name in drawing.layers if name.lower() == word), word)
@@ -259,7 +309,8 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
     if unit is None and drawing.unit is None:
         raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
     where = f"{path}" + (f", layer {layer!r}," if layer is not None else "")
-    curves = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
+    hidden = drawing.hidden if layer is None else ()
+    curves = [run for name, run in drawing.runs if layer in (None, name) and name not in hidden and len(run) > 1]
     if not curves:
         raise SurfaceError(
             f"{where} has no curve; draw a closed polyline, circle, ellipse or spline, or closed lines and arcs"

@@ -16,7 +16,17 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.messages import count_phrase
 from dsfab.surface.clean.seams import equal_merged
-from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
+from dsfab.surface.files.reading import (
+    Budget,
+    Content,
+    MalformedFileError,
+    TriangleFile,
+    concatenated_mesh,
+    contents,
+    hidden_on,
+    mesh_at,
+    text_file,
+)
 from dsfab.surface.orientation import upright_vertices
 
 _TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
@@ -119,8 +129,11 @@ def _count(value: Any) -> int:
 
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
-_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")
-"""Prefixes of extensions that do not change the shapes of meshes."""
+_HARMLESS = (
+    *("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp"),
+    *("EXT_mesh_gpu_instancing", "KHR_node_visibility"),
+)
+"""Prefixes of extensions that do not change the shapes of meshes, and names of extensions that dsfab reads."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 
 
@@ -166,8 +179,13 @@ def _json_tree(data: bytes) -> dict[str, Any]:
         tree = json.loads(data)
     except (ValueError, RecursionError):
         raise MalformedFileError("its JSON is broken or cut off") from None
-    if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
+    asset = tree.get("asset") if isinstance(tree, dict) else None
+    if isinstance(tree, dict) and isinstance(tree.get("meshes"), dict):
+        asset = {"version": "1.0"}  # in version 1 all lists were tables, and `asset` was optional
+    if not isinstance(tree, dict) or not isinstance(asset, dict):
         raise MalformedFileError("its JSON is not glTF")
+    if str(asset.get("version", "2")).split(".")[0] != "2":
+        raise MalformedFileError(f"its version of glTF is {asset['version']}, but dsfab reads version 2")
     unknown = [str(name) for name in tree.get("extensionsRequired", []) if not str(name).startswith(_HARMLESS)]
     if unknown:
         raise MalformedFileError(
@@ -186,17 +204,12 @@ def _scene(
 ) -> TriangleFile:
     scene = _Scene(tree, Buffers(tree, binary, read_neighbour, budget), budget)
     try:
-        parts = list(scene.parts())
+        V, F = concatenated_mesh(list(scene.parts()))
+        scene.count_unused()
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
-    passed = tuple(count_phrase(count, thing) for thing, count in scene.passed.items())
-    if not parts:
-        return TriangleFile(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), "m", 1.0, doubts, (*dropped, *passed))
-    offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1]
-    V = np.concatenate([V for V, _ in parts])
-    F = np.concatenate([F + offset for (_, F), offset in zip(parts, offsets.tolist(), strict=True)])
-    V, F = equal_merged(V, F)
-    return TriangleFile(upright_vertices(V, "y"), F, "m", 1.0, doubts, (*dropped, *passed))
+    V, F = equal_merged(V, F) if len(F) else (V, F)
+    return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
 
 
 @dataclass(frozen=True)
@@ -204,46 +217,71 @@ class _Scene:
     tree: dict[str, Any]
     buffers: Buffers
     budget: Budget
-    passed: Counter[str] = field(default_factory=Counter)
+    counts: Counter[Content] = field(default_factory=Counter)
+    used: set[int] = field(default_factory=set)
 
     def parts(self) -> Iterator[tuple[Floats, Ints]]:
         total = 0
         for mesh, matrix in self._placed_meshes():
+            self.used.add(mesh)
             for primitive in self.tree["meshes"][mesh]["primitives"]:
                 mode = primitive.get("mode", _TRIANGLES)
                 if mode not in (_TRIANGLES, _STRIP, _FAN):
-                    self.passed["line or point primitive"] += 1
+                    self.counts[Content("line or point primitive", "dropped")] += 1
                     continue
                 V, F = self._primitive(primitive, mode)
                 total += len(F)
                 self.budget.require_triangles(total)
                 self.budget.require_time()
-                yield V @ matrix[:3, :3].T + matrix[:3, 3] if (matrix != np.eye(4)).any() else V, F
+                yield mesh_at(V, F, matrix)
+
+    def count_unused(self) -> None:
+        """Count meshes outside the scene, cameras and lights."""
+        unused = len(self.tree.get("meshes", ())) - len(self.used)
+        self.counts[Content("mesh", "dropped", "outside the visible scene")] += unused
+        self.counts[Content("camera", "beside")] += len(self.tree.get("cameras", ()))
 
     def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
             raise MalformedFileError("it names no scene, so its visible objects are unknown")
-        waiting = [(k, np.eye(4), 1) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
+        waiting = [(k, np.eye(4), 1, True) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
         seen = set[int]()
         while waiting:
-            number, above, depth = waiting.pop()
+            number, above, depth, shown = waiting.pop()
             if number in seen or depth > 200:  # files of usual programs have up to 100 levels
                 raise MalformedFileError("its nodes form no tree: a node is below itself, or at two places")
             seen.add(number)
             node = nodes[number]
+            extensions = node.get("extensions", {})
+            shown = shown and extensions.get("KHR_node_visibility", {}).get("visible", True)
             matrix = above @ _matrix(node)
             if "skin" in node:
-                self.passed["skin"] += 1
-            if "mesh" in node:
-                yield node["mesh"], matrix
-            waiting.extend((child, matrix, depth + 1) for child in reversed(node.get("children", [])))
+                self.counts[Content("skin", "dropped")] += 1
+            if "mesh" in node and not shown:
+                self.used.add(node["mesh"])
+                self.counts[hidden_on("")] += 1
+            elif "mesh" in node:
+                self.counts[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
+                instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
+                yield from ((node["mesh"], matrix @ place) for place in instances)
+            waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))
+
+    def _instances(self, attributes: dict[str, int]) -> Iterator[Floats]:
+        """Yield the matrices of the instances of a mesh; without instances a unit matrix."""
+        names = [name for name in ("TRANSLATION", "ROTATION", "SCALE") if name in attributes]
+        tables = [accessor(self.tree, self.buffers, attributes[k], 4 if k == "ROTATION" else 3) for k in names]
+        if not tables:
+            yield np.eye(4)
+        for rows in zip(*tables, strict=False):
+            self.counts[Content("instance")] += 1
+            yield _matrix(dict(zip((name.lower() for name in names), rows, strict=True)))
 
     def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
             raise MalformedFileError("it is compressed (KHR_draco_mesh_compression): export it without compression")
         if "targets" in primitive:
-            self.passed["morph target"] += len(primitive["targets"])
+            self.counts[Content("morph target", "dropped")] += len(primitive["targets"])
         V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)
         order = np.arange(len(V))
         if "indices" in primitive:
@@ -255,7 +293,7 @@ class _Scene:
     def _faces(self, order: Ints, mode: int) -> Ints:
         if mode == _TRIANGLES:
             if len(order) % 3:
-                self.passed["surplus corner"] += len(order) % 3
+                self.counts[Content("surplus corner", "dropped")] += len(order) % 3
             return order[: len(order) // 3 * 3].reshape(-1, 3)
         if len(order) < 3:
             return np.empty((0, 3), dtype=np.int64)

@@ -10,14 +10,14 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, distinct, first_few
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import count_phrase
-from dsfab.core.units import metres_per
+from dsfab.core.units import METRES_PER
 from dsfab.surface.files import DEFAULT_TRIANGLES, NOTHING_READ, Budget, FileRecord, TriangleFile
 from dsfab.surface.files.drawings import read_dxf_meshes
 from dsfab.surface.files.gltf import read_glb, read_gltf
 from dsfab.surface.files.obj_and_off import read_obj, read_off
 from dsfab.surface.files.ply import read_ply
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import MalformedFileError, PolygonFile, readable
+from dsfab.surface.files.reading import Content, MalformedFileError, PolygonFile, readable
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
@@ -83,7 +83,6 @@ class RawMesh:
     """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
     polygons : number of faces in the file, before dsfab cut them into triangles.
     unit     : the unit that the file declares, or None.
-    metres   : length of the file's unit in metres; 1 without a declaration.
     record   : texts about reading and repairs so far.
     up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
 
@@ -91,16 +90,20 @@ class RawMesh:
     F: Ints
     polygons: int
     unit: str | None = None
-    metres: float = 1.0
     record: FileRecord = NOTHING_READ
     up: str | None = None
+
+    @property
+    def metres(self) -> float:
+        """Length of the file's unit in metres; 1 without a declaration."""
+        return METRES_PER[self.unit] if self.unit else 1.0
 
 
 CAD_SUFFIXES = (*(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"), *(".fbx", ".blend", ".ifc", ".rvt", ".gh"))
 """Suffixes of CAD programs' files that dsfab does not read as meshes."""
 
 
-def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
+def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES, unit: str | None = None) -> RawMesh:
     """Read a file in OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP format, according to the suffix.
 
     glTF's y axis (up, by its specification) becomes z. dsfab cuts quads along a fold, or along the shorter diagonal.
@@ -108,14 +111,23 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
     share a vertex. Unused vertices are removed.
 
     most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
+    unit : the user's unit; the result keeps the unit of the file, unless dsfab does not know it.
 
-    Raises SurfaceError for a path that is not a readable mesh file, and for a file beyond the limits."""
+    Raises SurfaceError for a path that is not a readable mesh file, for a file beyond the limits, and for an unknown
+    unit in the file without `unit`."""
     path = Path(path)
     suffix = _suffix(path)
     budget = Budget(most_triangles)
     with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
         budget.require_bytes(path.stat().st_size)
         raw = _read(path, suffix, budget)
+    if raw.unit not in (None, *METRES_PER):
+        if unit is None:
+            raise SurfaceError(
+                f"{path} is in {raw.unit}, a unit that dsfab does not read; write the unit with --unit, or "
+                f"surface.unit in a preset: one of {', '.join(METRES_PER)}"
+            )
+        raw = replace(raw, unit=None)
     return _checked_mesh(path, raw)
 
 
@@ -126,7 +138,7 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
     if suffix in _POLYGONS:
         return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
     if suffix == ".3mf":
-        mesh = read_3mf(path, data, budget)
+        mesh = read_3mf(data, budget)
     elif suffix == ".stl":
         mesh = read_stl(data, budget)
     else:
@@ -136,14 +148,16 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
 
 def _from_triangles(mesh: TriangleFile, suffix: str) -> RawMesh:
     record = _record(suffix, mesh, len(mesh.V), len(mesh.F))
-    return RawMesh(mesh.V, mesh.F, len(mesh.F), mesh.unit, mesh.metres, record)
+    return RawMesh(mesh.V, mesh.F, len(mesh.F), mesh.unit, record)
 
 
 def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
     budget.require_triangles(int(np.maximum(file.mesh.sizes - 2, 0).sum()))
     faces = np.flatnonzero(file.mesh.sizes >= 3)
     few = len(file.mesh.sizes) - len(faces)
-    dropped = (f"{count_phrase(few, 'face')} with fewer than three corners",) if few else ()
+    content = (Content("face", count=len(faces)), *file.content)
+    if few:
+        content = (*content, Content("face", "dropped", "with fewer than three corners", few))
     joined_file, repaired = with_shared_vertices(replace(file, mesh=file.mesh.part(faces)) if few else file)
     cut = triangles(joined_file.mesh)
     crossing = len(cut.fanned)
@@ -153,15 +167,14 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
             *repaired,
             f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, counted from 0: {face_list})",
         )
-    record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
-    record = record.also(repaired, dropped)
-    metres = metres_per(file.unit) if file.unit else 1.0
-    return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, metres, record, file.up)
+    record = _record(suffix, replace(file, content=content), len(file.mesh.V), len(file.mesh.sizes)).also(repaired)
+    return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, record, file.up)
 
 
 def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:
     what = f"{suffix[1:].upper()}: {count_phrase(vertices, 'vertex')}, {count_phrase(faces, 'face')}"
-    return FileRecord((what, *file.doubts), (), file.dropped)
+    dropped = (*file.dropped, *(thing.text for thing in file.content if thing.fate == "dropped"))
+    return FileRecord((what, *file.doubts), (), dropped, file.content)
 
 
 def _neighbour_file(path: Path, name: str, budget: Budget) -> bytes:

@@ -11,9 +11,11 @@ from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons
 from dsfab.surface.files.reading import (
     Budget,
+    Content,
     MalformedFileError,
     PolygonFile,
     TextFile,
+    contents,
     declarations_in_comments,
     float_of,
     may_lack_digits,
@@ -72,7 +74,12 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    return PolygonFile(mesh, (*file.doubts, *doubts), _ignored_texts(ignored, odd), comments.unit, comments.up)
+    inventory = Counter({Content("group"): sum(f"\n{file.text}".count(f"\n{word} ") for word in "og")})
+    for shape, kind in _IGNORED_SHAPES.items():
+        inventory[Content(kind, "dropped")] += ignored[shape]
+    odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)
+    dropped = (f"{count_phrase(odd_lines, 'line')} that OBJ does not know (first: {odd})",) if odd_lines else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, comments.unit, comments.up, contents(inventory))
 
 
 def _may_be_cut(face: list[str], largest: int, count: int, text: str) -> bool:
@@ -109,19 +116,6 @@ def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], coun
     for word in words[1:]:
         i = int(word.partition("/")[0] if "/" in word else word)
         corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
-
-
-def _ignored_texts(ignored: Counter[str], odd: str) -> tuple[str, ...]:
-    counts: Counter[str] = Counter()
-    for word, count in ignored.items():
-        if word in _IGNORED_SHAPES:
-            counts[_IGNORED_SHAPES[word]] += count
-        else:
-            counts["other line"] += count
-    texts = [count_phrase(count, thing) for thing, count in counts.items() if thing != "other line"]
-    if counts["other line"]:
-        texts.append(f"{count_phrase(counts['other line'], 'line')} that OBJ does not know (first: {odd})")
-    return tuple(texts)
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}

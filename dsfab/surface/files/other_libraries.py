@@ -16,6 +16,7 @@ from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged, merged_vertices
 from dsfab.surface.files.polygons import Polygons, polygons, triangles
 from dsfab.surface.files.reader import oriented_surface
+from dsfab.surface.files.reading import concatenated_mesh
 from dsfab.surface.mesh import Surface
 
 if TYPE_CHECKING:
@@ -91,6 +92,25 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
     except Exception:  # trimesh raises many types of errors for a bad file
         raise SurfaceError(f"{path}: trimesh cannot read this file, though dsfab can; export it again") from None
+
+
+def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
+    """Return V (n, 3), in the file's unit, and F (m, 3) of a 3MF file that lib3mf reads, in single precision. Raises
+    SurfaceError."""
+    import lib3mf
+
+    model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()
+    try:
+        model.QueryReader("3mf").ReadFromFile(str(path))
+        objects = model.MergeToModel().GetMeshObjects()
+        while objects.MoveNext():
+            mesh = objects.GetCurrentMeshObject()
+            V = np.frombuffer(b"".join(mesh.GetVertices()), dtype="<f4").reshape(-1, 3).astype(np.float64)
+            F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
+            parts.append((V, F))
+    except lib3mf.ELib3MFException:
+        raise SurfaceError(f"{path}: lib3mf cannot read this file, though dsfab can; export it again") from None
+    return concatenated_mesh(parts)
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":

@@ -16,6 +16,7 @@ from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons
 from dsfab.surface.files.reading import (
     Budget,
+    Content,
     MalformedFileError,
     PolygonFile,
     declarations_in_comments,
@@ -259,13 +260,13 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     style, elements = _header(header)
     columns, leftovers = _element_columns(data[end.end() :], style, elements, budget)
     passed = tuple(
-        f"{count_phrase(e.count, 'record')} of the element {e.name!r}"
+        Content("record", "dropped", f"of the element {e.name!r}", e.count)
         for e in elements
         if e.name not in ("vertex", "face")
     )
     if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
         doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")
-    return PolygonFile(_polygons(columns), doubts, (*passed, *leftovers), comments.unit)
+    return PolygonFile(_polygons(columns), doubts, leftovers, comments.unit, content=passed)
 
 
 def _element_columns(

@@ -74,7 +74,7 @@ def surface_in_file(
     repair: bool = False,
 ) -> SurfaceInFile:
     """Return the surface in a file with the record of reading and repairs; see `read_surface`."""
-    raw = raw_mesh(path, max_triangles)
+    raw = raw_mesh(path, max_triangles, unit)
     return surface_of_file(path, mended_raw_mesh(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
@@ -209,7 +209,7 @@ class MeshFacts:
 def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
     """Return the facts about a mesh file, even if `read_surface` refuses the file.
     Raises SurfaceError if the file is unreadable or has no face with finite corners."""
-    return mesh_facts(path, raw_mesh(path, max_triangles), unit)
+    return mesh_facts(path, raw_mesh(path, max_triangles, unit), unit)
 
 
 def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:

@@ -1,19 +1,23 @@
 """Support for all readers of mesh files: limits on time and size, records of repairs, errors, text lines and curves."""
 
 import codecs
+import difflib
 import logging
 import re
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import count_phrase
 from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
@@ -95,19 +99,91 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 
 
 @dataclass(frozen=True)
+class Content:
+    """Things of one kind in a file, and what became of them.
+    kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
+    fate  : "taken" into the surface; "beside" it, because it is no surface, such as a curve; or "dropped", although the
+            user may miss it.
+    count : number of these things."""
+
+    kind: str
+    fate: Literal["taken", "beside", "dropped"] = "taken"
+    about: str = ""
+    count: int = 1
+
+    @property
+    def text(self) -> str:
+        """Count and kind: '2 hidden objects on layer 'old'."""
+        return f"{count_phrase(self.count, self.kind)} {self.about}".rstrip()
+
+
+def hidden_on(layer: str) -> Content:
+    """Return the entry of an object that the file hides; layer : name of its layer, or "" for files without layers."""
+    return Content("hidden object", "dropped", f"on layer {layer!r}" if layer else "")
+
+
+MARK_LAYERS = ("support", "load", "keep", "void")
+"""Layers whose points and curves are supports, loads and regions of a design."""
+_OTHER_NAMES = {
+    "support": ("auflager", "lager", "stuetze", "stütze", "stützen", "appui", "appuis", "apoyo", "apoyos", "appoggi"),
+    "load": ("last", "lasten", "charge", "charges", "carga", "cargas", "carichi"),
+    "void": ("opening", "openings", "öffnung", "öffnungen", "hole", "holes", "loch"),
+}
+"""Names that users give to the layers of `MARK_LAYERS`, also in other languages."""
+
+
+def mark(kind: str, layer: str) -> Content:
+    """Return the entry of a point or curve; the layer matters if it is one of `MARK_LAYERS`, or nearly so."""
+    word = layer.lower()
+    if word in MARK_LAYERS:
+        return Content(kind, "beside", f"on layer {layer!r}")
+    match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
+    match = match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, 0.8))
+    if match and kind in ("curve", "point"):
+        return Content(kind, "dropped", f"on layer {layer!r}; did you mean layer {match}?")
+    return Content(kind, "beside")
+
+
+def contents(counts: Counter[Content]) -> tuple[Content, ...]:
+    """Return the counted entries; objects hidden on many layers become one entry."""
+    shown = {thing: count for thing, count in counts.items() if count}
+    hidden = [thing for thing in shown if thing.kind == "hidden object"]
+    if len(hidden) > MANY_LAYERS:
+        words = f"on {len(hidden)} layers, first {hidden[0].about.removeprefix('on layer ')}"
+        shown[replace(hidden[0], about=words)] = sum(shown.pop(thing) for thing in hidden)
+    return tuple(replace(thing, count=count) for thing, count in shown.items())
+
+
+MANY_LAYERS = 5  # Hidden objects on more layers are one line, because the lines would fill the screen.
+
+
+@dataclass(frozen=True)
 class FileRecord:
     """Short texts about the content of one file.
     read     : first the format and the content, then doubts about the content.
     repaired : differences between the surface and the file.
-    dropped  : content of the file that the surface lacks."""
+    dropped  : content of the file that the surface lacks.
+    content  : inventory of the file."""
 
     read: tuple[str, ...] = ()
     repaired: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
+    content: tuple[Content, ...] = ()
 
     def also(self, repaired: tuple[str, ...] = (), dropped: tuple[str, ...] = ()) -> "FileRecord":
         """Return the record with additional repairs and dropped parts."""
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
+
+    @property
+    def surface_words(self) -> str:
+        """Words for the content of the surface, if it is more than faces: '2 meshes, 4 block insertions'."""
+        things = [thing for thing in self.content if thing.fate == "taken"]
+        return ", ".join(thing.text for thing in things) if {thing.kind for thing in things} - {"face"} else ""
+
+    @property
+    def other_words(self) -> str:
+        """Words for the content that is no surface: '3 curves, 2 points'."""
+        return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -123,26 +199,49 @@ NOTHING_READ = FileRecord()
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
     doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in the file's comments.
-    up : the default up axis of the program that wrote the file, "y" or "z"; None if unknown."""
+    up : the default up axis of the program that wrote the file, "y" or "z"; None if unknown.
+    content : inventory of the file besides its faces."""
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
     unit: str | None = None
     up: str | None = None
+    content: tuple[Content, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in the file's unit, faces F (m, 3), and remarks as in a `PolygonFile`.
-    unit : the unit that the file declares, or None. metres : length of this unit in metres."""
+    unit : the unit that the file declares, None without a unit; another word than in METRES_PER needs --unit.
+    content : inventory of the file."""
 
     V: Floats
     F: Ints
     unit: str | None = None
-    metres: float = 1.0
     doubts: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
+    content: tuple[Content, ...] = ()
+
+
+def declared_unit(word: str) -> str | None:
+    """Return the unit for a format's word, such as 'Yards'; None for no unit; an unknown word in lower case."""
+    lower = word.lower()
+    return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
+
+
+def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+    """Return the vertices (n, 3) and faces (m, 3) of several meshes as one mesh; vertices stay apart."""
+    starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
+    V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
+    faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
+    return V, np.concatenate([np.empty((0, 3), dtype=np.int64), *faces])
+
+
+def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
+    """Return a mesh after a transformation (4, 4); a mirrored mesh has its faces turned, as glTF and 3MF demand."""
+    turned = F[:, ::-1] if np.linalg.det(place[:3, :3]) < 0 else F
+    return (V @ place[:3, :3].T + place[:3, 3] if (place != np.eye(4)).any() else V), turned
 
 
 _MARKS = (
@@ -254,13 +353,14 @@ LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and librari
 class Drawing:
     """Content of a drawing, in its unit.
     runs : layer and points (k, 3) of each curve.    layers : names of all layers.    unit : None if the file has no
-           unit.
-    points : layer and place (1, 3) of each single point."""
+           unit that dsfab knows.
+    points : layer and place (1, 3) of each single point.    hidden : names of the layers that the file hides."""
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
     unit: str | None
     points: tuple[tuple[str, Floats], ...] = ()
+    hidden: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,8 @@
 """Readers of 3DM (Rhino), STEP and BREP files. They use the libraries rhino3dm and OCCT."""
 
 import importlib.util
+import json
+from collections import Counter
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -10,17 +12,28 @@ import numpy as np
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import count_phrase
-from dsfab.core.units import metres_per
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import Drawing, DrawingBudget, MalformedFileError, TriangleFile, curve_points
+from dsfab.surface.files.reading import (
+    Content,
+    Drawing,
+    DrawingBudget,
+    MalformedFileError,
+    TriangleFile,
+    concatenated_mesh,
+    contents,
+    curve_points,
+    declared_unit,
+    hidden_on,
+    mark,
+    mesh_at,
+)
 
-UNITS = {
-    "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
-    "Inches": "in", "Feet": "ft",
+_KINDS = {
+    **dict.fromkeys(("Brep", "Extrusion", "SubD", "NurbsSurface", "PlaneSurface", "RevSurface", "Surface"), "surface"),
+    **dict.fromkeys(("PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve"), "curve"),
+    "Mesh": "mesh", "Point": "point", "TextDot": "text dot", "Light": "light",
 }  # fmt: skip
-"""Units by their names in rhino3dm."""
-MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
-"""Kinds of objects that dsfab ignores without a remark beside a surface."""
+"""Kinds of objects by their names in rhino3dm."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
@@ -32,15 +45,16 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
     model = _model(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
-    for layer, thing, place in _DrawnObjects.of_model(model, budget):
+    drawing = _DrawnObjects(model, budget, hidden_layers=True)
+    for layer, thing, place in drawing.all():
         if isinstance(thing, rhino3dm.Curve):
             runs.append((layer, _transformed(_points(thing), place)))
             count += len(runs[-1][1])
             budget.require("points", count)
         elif isinstance(thing, rhino3dm.Point):
             dots.append((layer, _transformed(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
-    layers = tuple(sorted(layer.Name for layer in model.Layers))
-    return Drawing(tuple(runs), layers, UNITS.get(model.Settings.ModelUnitSystem.name), tuple(dots))
+    layers, hidden = tuple(sorted(layer.Name for layer in model.Layers)), tuple(drawing.hidden)
+    return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots), hidden)
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
@@ -49,23 +63,26 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
 
     Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
     model = _model(path)
-    V, F, count, bare, other_objects = list[Floats](), list[Ints](), 0, 0, 0
-    for _, thing, place in _DrawnObjects.of_model(model, budget):
-        meshes = _meshes(thing)
+    drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
+    for layer, thing, place in drawing.all():
+        meshes, name = _meshes(thing), type(thing).__name__
         bare += meshes is None
-        other_objects += meshes == [] and type(thing).__name__ not in MARKS
-        for mesh in meshes or ():
-            points, corners = _mesh_arrays(mesh)
-            V.append(_transformed(points, place))
-            F.append(corners + count)
-            count += len(points)
-    if not V:
+        if meshes:
+            drawing.counts[Content(_KINDS[name])] += 1
+        elif meshes is None:
+            drawing.counts[Content("surface", "dropped", "saved without its mesh")] += 1
+        else:
+            kind = _KINDS.get(name, f"{name} object")
+            drawing.counts[mark(kind, layer) if name in _KINDS else Content(kind, "dropped")] += 1
+        parts += [mesh_at(*_mesh_arrays(mesh), place) for mesh in meshes or ()]
+    inventory = contents(drawing.counts)
+    if not parts:
         what = f"{count_phrase(bare, 'surface')} without a mesh" if bare else "no mesh"
-        raise SurfaceError(f"the file has {what}; make a mesh in Rhino (Mesh), or export the surface as STEP")
-    unit = UNITS.get(model.Settings.ModelUnitSystem.name)
-    dropped = [count_phrase(bare, "surface") + " saved without its mesh"] if bare else []
-    dropped += [count_phrase(other_objects, "object") + " that are neither mesh nor surface"] if other_objects else []
-    return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres_per(unit or "m"), (), tuple(dropped))
+        over = "".join(f"; ignored: {thing.text}" for thing in inventory if thing.kind == "hidden object")
+        raise SurfaceError(f"the file has {what}{over}; make a mesh in Rhino (Mesh), or export the surface as STEP")
+    return TriangleFile(
+        *concatenated_mesh(parts), declared_unit(model.Settings.ModelUnitSystem.name), content=inventory
+    )
 
 
 def _meshes(thing: Any) -> list[Any] | None:
@@ -84,10 +101,28 @@ def _meshes(thing: Any) -> list[Any] | None:
 
 
 def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
+    points = map(mesh.Vertices.Point3dAt, range(len(mesh.Vertices)))  # the list itself has single precision
+    V = np.array([(p.X, p.Y, p.Z) for p in points], dtype=np.float64).reshape(-1, 3)
     quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
     sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
     return V, triangles(Polygons(V, quads[np.arange(4) < sizes[:, None]], sizes)).F
+
+
+def read_rhino_json(text: str) -> TriangleFile:
+    """Return the mesh in Rhino's JSON of a geometry, as Grasshopper sends it, without a unit. Raises SurfaceError."""
+    require_rhino()
+    import rhino3dm
+
+    try:
+        thing = rhino3dm.CommonObject.Decode(json.loads(text))
+    except Exception:  # rhino3dm does not document its exceptions
+        thing = None
+    if thing is None:
+        raise SurfaceError("the text is not Rhino's JSON of a geometry; send the result of CommonObject.Encode")
+    if not isinstance(thing, rhino3dm.Mesh):
+        raise SurfaceError(f"the geometry is a {type(thing).__name__}, not a mesh; convert it to a mesh in Grasshopper")
+    V, F = _mesh_arrays(thing)
+    return TriangleFile(V, F, content=(Content("mesh"), Content("face", count=len(thing.Faces))))
 
 
 def _model(path: Path) -> Any:
@@ -100,18 +135,30 @@ def _model(path: Path) -> Any:
 
 
 class _DrawnObjects:
-    """Iterator over the drawn objects of a 3DM file; it also counts them. A file lists the content of a block among all
-    objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix."""
+    """Iterator over the visible objects of a 3DM file; it also counts them. A file lists the content of a block among
+    all objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix.
+    hidden : names of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects, too.
+    counts : counted insertions and hidden objects."""
 
-    def __init__(self, model: Any, budget: DrawingBudget) -> None:
+    def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
         self.layers = {layer.Index: layer.Name for layer in model.Layers}
+        above = {str(layer.Id): layer for layer in model.Layers}
+        self.hidden, self.skipped = list[str](), set[int]()
+        for layer in model.Layers:
+            outer: Any = layer
+            while outer is not None and outer.Visible:
+                outer = above.get(str(outer.ParentLayerId))
+            if outer is not None:
+                self.hidden.append(layer.Name)
+                self.skipped |= set() if hidden_layers else {layer.Index}
+        self.counts = Counter[Content]()
 
-    @classmethod
-    def of_model(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
-        budget.require("entities", len(model.Objects))
-        objects = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
-        return cls(model, budget).objects(objects, np.eye(4), 0)
+    def all(self) -> Iterator[tuple[str, Any, Floats]]:
+        """Yield layer, geometry and matrix (4, 4) of each visible object outside the definitions of blocks."""
+        self.budget.require("entities", len(self.model.Objects))
+        objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
+        return self.objects(objects, np.eye(4), 0)
 
     def objects(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
         import rhino3dm
@@ -121,11 +168,16 @@ class _DrawnObjects:
         for thing in things:
             self.count += 1
             self.budget.require("entities", self.count)
-            if isinstance(thing.Geometry, rhino3dm.InstanceReference):
-                inside = self._block_objects(thing.Geometry.ParentIdefId)
-                yield from self.objects(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
+            layer = self.layers.get(thing.Attributes.LayerIndex, "")
+            if not thing.Attributes.Visible or thing.Attributes.LayerIndex in self.skipped:
+                self.counts[hidden_on(layer)] += 1
+            elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
+                matrix = _matrix(thing.Geometry.Xform)
+                mirrored = np.linalg.det(matrix[:3, :3]) < 0
+                self.counts[Content("mirrored block insertion" if mirrored else "block insertion")] += 1
+                yield from self.objects(self._block_objects(thing.Geometry.ParentIdefId), place @ matrix, depth + 1)
             else:
-                yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
+                yield layer, thing.Geometry, place
 
     def _block_objects(self, number: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""
@@ -177,18 +229,31 @@ def read_occt(path: Path) -> TriangleFile:
         raise MalformedFileError("it has no faces, only curves or points")
     # tolerances: 2e-4 of the box's diagonal between face and triangles, and 0.2 radians between neighbours
     BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
-    V, F, count, lost = list[Floats](), list[Ints](), 0, 0
+    parts, lost = list[tuple[Floats, Ints]](), 0
     while faces.More():
-        points, corners = _triangles(faces.Current())
-        V.append(points)
-        F.append(corners + count)
-        count, lost = count + len(points), lost + (not len(corners))
+        parts.append(_triangles(faces.Current()))
+        lost += not len(parts[-1][1])
         faces.Next()
-    if not count:
+    if lost == len(parts):
         raise MalformedFileError("none of its faces can be meshed")
-    dropped = (f"{lost} of {len(V)} faces that OCCT cannot mesh",) if lost else ()
-    unit, metres = (None, 1.0) if path.suffix.lower() == ".brep" else ("mm", 1e-3)
-    return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres, (), dropped)
+    unit = None if path.suffix.lower() == ".brep" else "mm"
+    return TriangleFile(*concatenated_mesh(parts), unit, content=contents(_shape_counts(shape, len(parts), lost)))
+
+
+def _shape_counts(shape: Any, faces: int, lost: int) -> Counter[Content]:
+    from OCP.TopAbs import TopAbs_EDGE, TopAbs_FACE, TopAbs_SHELL, TopAbs_SOLID, TopAbs_VERTEX
+    from OCP.TopExp import TopExp_Explorer
+
+    counts, explore = Counter[Content](), TopExp_Explorer
+    free = explore(shape, TopAbs_EDGE, TopAbs_FACE), explore(shape, TopAbs_VERTEX, TopAbs_EDGE)
+    bodies = explore(shape, TopAbs_SOLID), explore(shape, TopAbs_SHELL, TopAbs_SOLID)
+    for shapes, kind in zip((*bodies, *free), ("solid", "open shell", "curve", "point"), strict=True):
+        while shapes.More():
+            counts[Content(kind, "beside" if shapes in free else "taken")] += 1
+            shapes.Next()
+    counts[Content("face")] = faces - lost
+    counts[Content("face", "dropped", f"of {faces} that OCCT cannot mesh")] = lost
+    return counts
 
 
 def _shape(path: Path) -> Any:

@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import numpy as np
 
 from dsfab.core.errors import SurfaceError
 from dsfab.surface.clean.seams import equal_merged, merged_vertices
-from dsfab.surface.files.reading import Budget, Drawing, DrawingBudget, MalformedFileError, TriangleFile
+from dsfab.surface.files.reading import Budget, Content, Drawing, DrawingBudget, MalformedFileError, TriangleFile
 from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes, require_rhino
 
 GIB = 2**30
@@ -39,7 +40,7 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
         tuple((layer, np.array(rows, dtype=float).reshape(-1, 3)) for layer, rows in answer[key])
         for key in ("runs", "points")
     )
-    return Drawing(runs, tuple(answer["layers"]), answer["unit"], points)
+    return Drawing(runs, tuple(answer["layers"]), answer["unit"], points, tuple(answer["hidden"]))
 
 
 def read_3dm(path: Path, budget: Budget) -> TriangleFile:
@@ -47,7 +48,7 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
     require_rhino()
     mesh = _triangles("meshes", path, budget)
     V, F = equal_merged(mesh.V, mesh.F)
-    return TriangleFile(V, F, mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)
+    return replace(mesh, V=V, F=F)
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
@@ -56,7 +57,7 @@ def read_cad(path: Path, budget: Budget) -> TriangleFile:
     V, became = merged_vertices(mesh.V, 1e-7)  # points of two faces on a common edge differ by less
     F = became[mesh.F]
     is_triangle = (np.roll(F, 1, axis=1) != F).all(axis=1)
-    return TriangleFile(V, F[is_triangle], mesh.unit, mesh.metres, mesh.doubts, mesh.dropped)
+    return replace(mesh, V=V, F=F[is_triangle])
 
 
 def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
@@ -68,7 +69,8 @@ def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
         facts, V, F = json.loads(str(arrays["said"])), arrays["V"], arrays["F"]
     _raise_refusal(facts)
     budget.require_triangles(len(F))
-    return TriangleFile(V, F, facts["unit"], facts["metres"], (), tuple(facts["dropped"]))
+    content = tuple(Content(**entry) for entry in facts["content"])
+    return TriangleFile(V, F, facts["unit"], tuple(facts["doubts"]), content=content)
 
 
 def _program_output(kind: str, path: Path, timeout: float) -> bytes:
@@ -107,7 +109,8 @@ def _drawing(path: Path) -> dict[str, Any]:
     except MalformedFileError as error:
         return {"malformed": str(error)}
     runs, points = ([(layer, rows.tolist()) for layer, rows in curves] for curves in (drawing.runs, drawing.points))
-    return {"runs": runs, "points": points, "layers": drawing.layers, "unit": drawing.unit}
+    words = {"layers": drawing.layers, "unit": drawing.unit, "hidden": drawing.hidden}
+    return {"runs": runs, "points": points, **words}
 
 
 def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
@@ -117,7 +120,7 @@ def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
         return {"refused": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
     except MalformedFileError as error:
         return {"malformed": str(error)}, np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
-    return {"unit": mesh.unit, "metres": mesh.metres, "dropped": mesh.dropped}, mesh.V, mesh.F
+    return {"unit": mesh.unit, "doubts": mesh.doubts, "content": [*map(asdict, mesh.content)]}, mesh.V, mesh.F
 
 
 def _limit(seconds: int, memory: int) -> None:

@@ -6,17 +6,30 @@ import struct
 import zipfile
 import zlib
 from array import array
+from collections import Counter
 from collections.abc import Iterator
-from pathlib import Path
-from typing import Any
+from dataclasses import dataclass, field
+from xml.etree import ElementTree
+from xml.parsers import expat
 
 import numpy as np
 
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.messages import count_phrase
-from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged
-from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, float_of, text_file
+from dsfab.surface.files.reading import (
+    Budget,
+    Content,
+    MalformedFileError,
+    TriangleFile,
+    concatenated_mesh,
+    contents,
+    declared_unit,
+    float_of,
+    mesh_at,
+    text_file,
+    whole_number,
+)
 
 HEAD, EACH = 84, 50  # Bytes of the header with the number of triangles, and of each triangle.
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
@@ -25,6 +38,7 @@ _FACET = re.compile(
     rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
+_SOLID = re.compile(r"^\s*solid\b", re.IGNORECASE | re.MULTILINE)
 CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
 
@@ -43,7 +57,8 @@ def read_stl(data: bytes, budget: Budget) -> TriangleFile:
     soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
     extra_bytes = len(data) - announced
     dropped = (f"{count_phrase(extra_bytes, 'byte')} after the last triangle",) if extra_bytes else ()
-    return TriangleFile(*equal_merged(soup.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), dropped=dropped)
+    V, F = equal_merged(soup.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3))
+    return TriangleFile(V, F, dropped=dropped, content=(Content("face", count=count),))
 
 
 def _read_text(data: bytes, budget: Budget) -> TriangleFile:
@@ -73,99 +88,187 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    return TriangleFile(V, F, doubts=doubts)
+    solids = Content("solid", count=len(_SOLID.findall(text)))
+    return TriangleFile(V, F, doubts=doubts, content=(Content("face", count=len(numbers) // 9), solids))
 
 
 def _line_number(text: str, position: int) -> int:
-    return (
-        text.count("\n", 0, position)
-        + text[position:].count("\n", 0, len(text) - position - len(text[position:].lstrip()))
-        + 1
-    )
+    return text.count("\n", 0, len(text) - len(text[position:].lstrip())) + 1
 
 
-_UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "m", "Inch": "in", "Foot": "ft"}
-_PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
-_TRIANGLE = re.compile(rb"[<:]triangle\s")
-_ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
-Key = tuple[str, bytes]  # The name of a part of the file, and the number of an object in this part.
+_NAMESPACES = "core materials production beamlattice slice trianglesets".split()  # noqa: SIM905
+"""Words in the names of the parts of 3MF that dsfab reads, or that do not change shapes."""
+_TAKEN = ("model", "surface")  # Types of objects; all other types are supports and other aids of a print.
+_ROOT = re.compile(r"""Target\s*=\s*["']([^"']+\.model)["']""", re.IGNORECASE)
+Key = tuple[str, str]  # The name of a part of the file, and the number of an object in this part.
 
 
-def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
-    """Return the triangles of all objects on the build plate of a 3MF file, at their places. Raises MalformedFileError
-    for a damaged file and SurfaceError beyond the budget, both before lib3mf reads the file."""
-    plate = _Plate(data, budget)
-    budget.require_triangles(plate.triangles())
-    import lib3mf
-
-    model = lib3mf.get_wrapper().CreateModel()
-    try:
-        model.QueryReader("3mf").ReadFromFile(str(path))
-        unit = _UNITS[model.GetUnit().name]
-        parts = list(_meshes(model.MergeToModel()))
-    except lib3mf.ELib3MFException as error:
-        raise MalformedFileError(f"lib3mf refuses it with code {error._code}") from None
-    metres = 1e-6 if unit == "um" else metres_per(unit)
-    offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
-    V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
-    F = np.concatenate([np.empty((0, 3), dtype=np.int64), *(F + n for (_, F), n in zip(parts, offsets, strict=True))])
-    unplaced = len(plate.own) - len(plate.used)
-    dropped = (f"{count_phrase(unplaced, 'object')} that the build plate lacks",) if unplaced > 0 else ()
-    return TriangleFile(V, F, unit, metres, dropped=dropped)
+def read_3mf(data: bytes, budget: Budget) -> TriangleFile:
+    """Return the triangles of all objects on the build plate of a 3MF file, in double precision, at their places.
+    Aids of a print, such as supports and modifiers, are ignored. Raises MalformedFileError for a damaged file,
+    SurfaceError beyond the budget [3MF Consortium, core specification 1.4]."""
+    plate = _Plate(budget, _archive_texts(data, budget))
+    for key in (*plate.unprinted, *(key for key, _ in plate.items)):
+        plate.require_ends(key, 0)
+    budget.require_triangles(sum(plate.triangles[key] for key, _ in plate.items))
+    V, F = concatenated_mesh([part for key, place in plate.items for part in plate.meshes(key, place)])
+    unused = plate.objects.keys() - plate.triangles
+    plate.counts[Content("object", "dropped", "that the build plate lacks")] = len(unused)
+    return TriangleFile(V, F, plate.unit, content=contents(plate.counts))
 
 
-def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
-    objects = model.GetMeshObjects()
-    while objects.MoveNext():
-        mesh = objects.GetCurrentMeshObject()
-        V = np.frombuffer(b"".join(mesh.GetVertices()), dtype="<f4").reshape(-1, 3).astype(np.float64)
-        yield V, np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
+@dataclass
+class _Object:
+    """An object: coordinates, corners of triangles, and components with their transformations (4, 4)."""
+
+    kind: str
+    V: "array[float]" = field(default_factory=lambda: array("d"))
+    F: "array[int]" = field(default_factory=lambda: array("q"))
+    parts: list[tuple[Key, Floats]] = field(default_factory=list)
 
 
 class _Plate:
-    """Counts of the content that needs memory: triangles and components of objects, and items on the plate."""
+    """Content of all parts of a file. items : object and transformation (4, 4) of each item on the build plate.
+    triangles : number of triangles of each object in use, with its components.    counts : counted content."""
 
-    def __init__(self, data: bytes, budget: Budget) -> None:
-        self.own: dict[Key, int] = {}
-        self.made_of: dict[Key, list[Key]] = {}
-        self.items: list[Key] = []
-        self.used: set[Key] = set()
-        self._known: dict[Key, int] = {}
-        for name, text in _models(data, budget):
-            self._scan(name, text)
+    def __init__(self, budget: Budget, texts: dict[str, bytes]) -> None:
+        self.budget, self.count, self.open = budget, 0, _Object("")  # the open object is the one that is being read
+        self.unit: str | None = None
+        self.objects, self.items, self.triangles = dict[Key, _Object](), list[tuple[Key, Floats]](), dict[Key, int]()
+        self.counts, self.prefixes, self.unprinted = Counter[Content](), dict[str, str](), list[Key]()
+        self.aids = print_aids(texts)
+        models = [name for name in texts if name.lower().endswith(".model")]
+        target = _ROOT.search(texts.get("_rels/.rels", b"").decode("utf-8", "replace"))
+        self.root = target[1].lstrip("/") if target and target[1].lstrip("/") in models else "".join(models[:1])
+        if not models:
+            raise MalformedFileError("it has no part with a model")
+        for self.part in models:
+            self._read(texts[self.part])
 
-    def _scan(self, name: str, text: bytes) -> None:
-        inside, start = (name, b""), -1
-        for tag in _PARTS.finditer(text):
-            ends, kind, rest = tag.groups()
-            if kind == b"object" and (ends or rest.endswith(b"/")):
-                if start >= 0:
-                    self.own[inside] = sum(1 for _ in _TRIANGLE.finditer(text, start, tag.start()))
-                start = -1
-                continue
-            values = dict(_ATTRIBUTE.findall(rest))
-            path = values[b"path"].decode("utf-8", "replace").lstrip("/") if b"path" in values else name
-            if kind == b"object":
-                inside, start = (name, values.get(b"id", b"")), tag.end()
-                self.own[inside] = 0
-            elif not ends:
-                whose = self.items if kind == b"item" else self.made_of.setdefault(inside, [])
-                whose.append((path, values.get(b"objectid", b"")))
+    def _read(self, text: bytes) -> None:
+        parser = expat.ParserCreate(namespace_separator=" ")
+        parser.StartElementHandler, parser.StartDoctypeDeclHandler = self._element, _refuse_doctype
+        parser.StartNamespaceDeclHandler = lambda prefix, name: self.prefixes.update({prefix or "": name})
+        try:
+            parser.Parse(text, True)
+        except expat.ExpatError as error:
+            raise MalformedFileError(f"its XML is broken or cut off in line {error.lineno}") from None
+        except (KeyError, ValueError, OverflowError) as error:
+            if isinstance(error, MalformedFileError):
+                raise
+            where = f"line {parser.CurrentLineNumber} of {self.part}"
+            raise MalformedFileError(f"a number or an object is missing or invalid in {where}") from None
 
-    def triangles(self) -> int:
-        return sum(self._triangles_of(item, 0) for item in self.items)
+    def _element(self, tag: str, values: dict[str, str]) -> None:
+        space, _, kind = tag.rpartition(" ")
+        self.count += 1
+        if not self.count % CHUNK:
+            self.budget.require_time()
+            self.budget.require_vertices(self.count // 2)
+        if kind == "vertex" and "/slice/" not in space:
+            self.open.V.extend((float_of(values["x"]), float_of(values["y"]), float_of(values["z"])))
+        elif kind == "triangle" and "trianglesets" not in space:
+            self.open.F.extend((whole_number(values["v1"]), whole_number(values["v2"]), whole_number(values["v3"])))
+        elif kind in ("beam", "ball"):
+            self.counts[Content(kind, "dropped", "of a lattice")] += 1
+        elif kind == "object":
+            self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"))
+        elif kind == "component":
+            self.open.parts.append((self._key(values), _place(values)))
+            self.counts[Content("component")] += 1
+        elif kind == "item" and self.part == self.root:
+            if values.get("printable", "1") == "0":
+                self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
+                self.unprinted.append(self._key(values))
+            else:
+                self.items.append((self._key(values), _place(values)))
+                self.counts[Content("item")] += 1
+        elif kind == "model":
+            self._model(values)
 
-    def _triangles_of(self, key: Key, depth: int) -> int:
+    def _model(self, values: dict[str, str]) -> None:
+        names = [self.prefixes.get(prefix, prefix) for prefix in values.get("requiredextensions", "").split()]
+        unknown = [name for name in names if not any(f"/{word}/" in name for word in _NAMESPACES)]
+        if unknown:
+            raise MalformedFileError(f"it needs the extension {unknown[0]}, which dsfab does not read; leave that out")
+        if self.part == self.root:
+            self.unit = declared_unit(values.get("unit", "millimeter"))
+
+    def _key(self, values: dict[str, str]) -> Key:
+        path = next((value for name, value in values.items() if name.endswith(" path")), self.part)
+        return path.lstrip("/"), values["objectid"]
+
+    def require_ends(self, key: Key, depth: int) -> int:
+        """Return the triangles of an object; raise MalformedFileError if it is missing or contains itself."""
         if depth > 100:
             raise MalformedFileError("an object contains itself, or objects in over 100 nested levels")
-        self.used.add(key)
-        if key not in self._known:
-            parts = sum(self._triangles_of(part, depth + 1) for part in self.made_of.get(key, ()))
-            self._known[key] = self.own.get(key, 0) + parts
-        return self._known[key]
+        if key not in self.objects:
+            raise MalformedFileError(f"it places the object {key[1]!r}, which it lacks")
+        if key not in self.triangles:
+            inside = sum(self.require_ends(part, depth + 1) for part, _ in self.objects[key].parts)
+            self.triangles[key] = inside + len(self.objects[key].F) // 3
+        return self.triangles[key]
+
+    def meshes(self, key: Key, place: Floats) -> Iterator[tuple[Floats, Ints]]:
+        """Yield V (n, 3) and F (m, 3) of an object and its components after a transformation (4, 4)."""
+        thing = self.objects[key]
+        if thing.kind not in _TAKEN:
+            self.counts[Content("object", "dropped", f"of the type {thing.kind!r}")] += 1
+            return
+        if thing.V:
+            V, F = np.array(thing.V).reshape(-1, 3), np.array(thing.F, dtype=np.int64).reshape(-1, 3)
+            is_model = np.ones(len(F), dtype=bool)
+            for start, end in self.aids.get((key[1], ""), ()):
+                is_model[start : end + 1] = False
+                self.counts[_AID] += 1
+            if len(F):
+                mirrored = np.linalg.det(place[:3, :3]) < 0
+                self.counts[Content("mirrored object" if mirrored else "object")] += 1
+            yield mesh_at(V, F[is_model], place)
+        for part, inner in thing.parts:
+            if (key[1], part[1]) in self.aids:
+                self.counts[_AID] += 1
+            elif self.triangles[part]:
+                yield from self.meshes(part, place @ inner)
 
 
-def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
+_AID = Content("modifier", "dropped", "or support of its slicer")
+
+
+def print_aids(texts: dict[str, bytes]) -> dict[tuple[str, str], list[tuple[int, int]]]:
+    """Return the aids of a print that a slicer lists beside the model: by object and component, or by object and "" the
+    first and last triangles [PrusaSlicer: Slic3r_PE_model.config; Bambu Studio, OrcaSlicer: model_settings.config]."""
+    aids: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    for name in ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config"):
+        try:
+            tree = ElementTree.fromstring(b"" if b"<!" in (text := texts.get(name, b"")) else text)
+            for thing in tree.iter("object"):
+                for part in thing.iter("part"):
+                    if part.get("subtype", "normal_part") != "normal_part":
+                        aids[thing.attrib["id"], part.attrib["id"]] = []
+                for part in thing.iter("volume"):
+                    keys = {entry.get("key"): entry.get("value") for entry in part.iter("metadata")}
+                    if keys.get("volume_type", "ModelPart") != "ModelPart" or keys.get("modifier") == "1":
+                        ends = int(part.attrib["firstid"]), int(part.attrib["lastid"])
+                        aids.setdefault((thing.attrib["id"], ""), []).append(ends)
+        except (ElementTree.ParseError, KeyError, ValueError):
+            continue  # no such list, or an unknown form: all objects are the model
+    return aids
+
+
+def _refuse_doctype(*_: object) -> None:
+    raise MalformedFileError("it declares a document type, which 3MF forbids")
+
+
+def _place(values: dict[str, str]) -> Floats:
+    """Return the transformation (4, 4) of an item or component; 3MF multiplies rows with it, so it is transposed."""
+    place = np.eye(4)
+    if "transform" in values:
+        place[:3] = np.array([float_of(word) for word in values["transform"].split()]).reshape(4, 3).T
+    return place
+
+
+def _archive_texts(data: bytes, budget: Budget) -> dict[str, bytes]:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
@@ -173,14 +276,11 @@ def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
             if size > max(1 << 24, 60 * len(data)):
                 raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, more than any mesh")
             budget.require_bytes(size, "bytes once it is unpacked")
+            texts = {}
             for entry in packed.infolist():
                 budget.require_time()
-                text = packed.read(entry)
-                if not entry.filename.lower().endswith(".model"):
-                    continue
-                if b"<!DOCTYPE" in text:
-                    raise MalformedFileError("it declares a document type, which 3MF forbids")
-                yield entry.filename, text
+                texts[entry.filename.lstrip("/")] = packed.read(entry)
+            return texts
     except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
         if isinstance(error, MalformedFileError):
             raise

@@ -94,7 +94,7 @@ def pierced_faces(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]
 
 Real = Annotated[float, AllowInfNan(False)]
 Vector = tuple[Real, Real, Real]
-CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+CaseName = Annotated[str, StringConstraints(pattern=r"^[^\W_]([\w .-]*[\w.-])?$")]
 PICKER_TOLERANCE = 1e-6  # Tolerance of a picker, as a share of the surface's size, because coordinates are rounded.
 STRICT: ConfigDict = {"extra": "forbid"}  # Make pydantic refuse unknown keys.
 

@@ -1,0 +1,508 @@
+"""The inventory of a file: each thing in it is taken, beside the surface or dropped, as other programs count it."""
+
+import io
+import json
+import re
+import struct
+import zipfile
+
+import ezdxf
+import numpy as np
+import pygltflib
+import pytest
+import trimesh
+from ezdxf.units import InsertUnits
+from numpy.testing import assert_allclose
+
+from dsfab.app.hops.components import COMPONENTS
+from dsfab.app.hops.protocol import HopsError, read_request
+from dsfab.core.errors import SurfaceError
+from dsfab.core.units import METRES_PER
+from dsfab.surface import describe, read_surface
+from dsfab.surface.files import separate_process
+from dsfab.surface.files.drawings import closed_curves, marks_on_layers, read_dxf
+from dsfab.surface.files.mesh_files import raw_mesh
+from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_json, read_rhino_meshes
+from dsfab.surface.shapes import plate
+from tests.bad_meshes import threemf
+
+rhino3dm = pytest.importorskip("rhino3dm")
+ROOF = plate(length=3.0, width=2.0, edge=1.0)
+AREA, N, M = ROOF.area, ROOF.n, ROOF.m
+MIRROR = np.diag([-1.0, 1.0, 1.0])
+FAR = np.array([466000.1, 5247000.1, 560.1])
+"""Survey coordinates: single precision has steps of half a metre here."""
+
+
+@pytest.fixture(autouse=True)
+def within(monkeypatch):
+    """Foreign readers in this process: quicker by the second that a process takes to begin."""
+    readers = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
+    monkeypatch.setattr(separate_process, "_triangles", lambda kind, path, budget: readers[kind](path))
+
+
+def content(path):
+    """Counts by kind and fate."""
+    counts = {}
+    for thing in raw_mesh(path).record.content:
+        counts[thing.kind, thing.fate] = counts.get((thing.kind, thing.fate), 0) + thing.count
+    return counts
+
+
+def dropped(path):
+    return "; ".join(raw_mesh(path).record.dropped)
+
+
+def written(path, data):
+    path.write_bytes(data) if isinstance(data, bytes) else path.write_text(data)
+    return path
+
+
+# ---- 3DM ----
+
+
+def rhino_mesh(V=ROOF.V, faces=ROOF.F):
+    mesh = rhino3dm.Mesh()
+    for point in V.tolist():
+        mesh.Vertices.AddPoint3d(*point)
+    for face in faces.tolist():
+        mesh.Faces.AddFace(*face)
+    return mesh
+
+
+def layer(model, name, visible=True, above=None):
+    entry = rhino3dm.Layer()
+    entry.Name, entry.Visible = name, visible
+    if above is not None:
+        entry.ParentLayerId = model.Layers[above].Id
+    about = rhino3dm.ObjectAttributes()
+    about.LayerIndex = model.Layers.Add(entry)
+    return about
+
+
+def rhino_model(unit="Meters"):
+    model = rhino3dm.File3dm()
+    model.Settings.ModelUnitSystem = getattr(rhino3dm.UnitSystem, unit)
+    return model
+
+
+def saved(model, path):
+    assert model.Write(str(path), 7)
+    return path
+
+
+def with_block(model, matrix):
+    """Insert a block that holds the roof; matrix : (3, 3)."""
+    model.InstanceDefinitions.Add("roof", "", "", "", rhino3dm.Point3d(0, 0, 0), (rhino_mesh(),), (layer(model, "in"),))
+    place = rhino3dm.Transform(1.0)
+    for i in range(3):
+        for j in range(3):
+            setattr(place, f"M{i}{j}", float(matrix[i, j]))
+    model.Objects.AddInstanceObject(rhino3dm.InstanceReference(model.InstanceDefinitions[0].Id, place))
+    return model
+
+
+def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
+    model = rhino_model()
+    shown, off = layer(model, "roof"), layer(model, "old")
+    model.Layers[off.LayerIndex].Visible = False
+    inner, invisible = layer(model, "inner", True, off.LayerIndex), layer(model, "roof 2")
+    invisible.Visible = False
+    for about in (shown, off, inner, invisible):
+        model.Objects.AddMesh(rhino_mesh(), about)
+    for name in ("Auflager", "support", "sketch"):
+        line = rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
+        model.Objects.AddCurve(line, layer(model, name))
+        model.Objects.AddPoint(rhino3dm.Point3d(0, 0, 0), layer(model, name + " 2"))
+    with_block(model, MIRROR)
+    path = saved(model, tmp_path / "roof.3dm")
+    record = raw_mesh(path).record
+    assert sum(thing.count for thing in record.content) == len(rhino3dm.File3dm.Read(str(path)).Objects)
+    assert record.surface_words == "2 meshes, 1 mirrored block insertion"
+    for words in ("'old'", "'inner'", "'roof 2'"):
+        assert f"1 hidden object on layer {words}" in record.dropped
+    assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
+    assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
+    assert record.other_words == "2 points, 1 curve on layer 'support', 1 curve"
+    assert describe(path).area == pytest.approx(2 * AREA)
+
+
+def test_a_hidden_3dm_layer_marks_no_support_unless_it_is_named(tmp_path):
+    model = rhino_model()
+    circle = rhino3dm.Circle(rhino3dm.Point3d(0, 0, 0), 1.0).ToNurbsCurve()
+    model.Objects.AddCurve(circle, layer(model, "support", visible=False))
+    drawing = read_rhino(saved(model, tmp_path / "marks.3dm"), DrawingBudget())
+    assert drawing.hidden == ("support",)
+    assert len(drawing.runs) == 1
+
+
+def test_objects_on_many_hidden_layers_are_one_line(tmp_path):
+    model = rhino_model()
+    model.Objects.AddMesh(rhino_mesh())
+    for k in range(6):
+        model.Objects.AddMesh(rhino_mesh(), layer(model, f"off {k}", visible=False))
+    assert dropped(saved(model, tmp_path / "roof.3dm")) == "6 hidden objects on 6 layers, first 'off 0'"
+
+
+def test_a_file_of_hidden_meshes_only_says_so(tmp_path):
+    model = rhino_model()
+    model.Objects.AddMesh(rhino_mesh(), layer(model, "off", visible=False))
+    with pytest.raises(SurfaceError, match="no mesh; ignored: 1 hidden object on layer 'off'"):
+        raw_mesh(saved(model, tmp_path / "roof.3dm"))
+
+
+# ---- DXF ----
+
+
+def dxf(path, *layers, unit=6):
+    document = ezdxf.new(units=unit)
+    for name in layers:
+        document.layers.add(name)
+    return document, path
+
+
+def add_roof(space, layer="0", **attributes):
+    with space.add_mesh(dxfattribs={"layer": layer, **attributes}).edit_data() as data:
+        data.vertices, data.faces = ROOF.V.tolist(), ROOF.F.tolist()
+
+
+def test_every_entity_of_a_dxf_file_is_accounted_for(tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf", "off", "frozen", "shown", "supports", "load")
+    document.layers.get("off").off()
+    document.layers.get("frozen").freeze()
+    space, block = document.modelspace(), document.blocks.new("roof")
+    for name in ("shown", "off", "frozen"):
+        add_roof(space, name)
+    add_roof(space, "shown", invisible=1)
+    add_roof(block)
+    space.add_blockref("roof", (9, 0), dxfattribs={"layer": "shown", "xscale": -1})
+    space.add_blockref("roof", (9, 0), dxfattribs={"layer": "off"})  # layer 0 in a block is the layer of the insertion
+    space.add_blockref("roof", (9, 0), dxfattribs={"layer": "frozen"})
+    space.add_line((0, 0), (1, 0), dxfattribs={"layer": "supports"})
+    space.add_point((0, 0), dxfattribs={"layer": "load"})
+    space.add_text("a roof")
+    space.add_3dface([(0, 0, 9), (1, 0, 9), (1, 1, 9)])
+    space.add_solid([(0, 0), (1, 0), (1, 1)])
+    document.layout("Layout1").add_text("a title")
+    document.saveas(path)
+    record = raw_mesh(path).record
+    count = sum(len(page) for page in document.layouts) + 2  # and the content of two insertions that are no hidden ones
+    assert sum(thing.count for thing in record.content) == count
+    assert content(path)["mesh", "taken"] == 2
+    assert content(path)["hidden object", "dropped"] == 5
+    assert "3 hidden objects on layer 'off'" not in record.dropped
+    assert "2 hidden objects on layer 'off'" in record.dropped
+    assert "1 curve on layer 'supports'; did you mean layer support?" in record.dropped
+    assert "1 SOLID object" in record.dropped
+    assert record.other_words == "1 point on layer 'load', 1 TEXT object, 1 object in paper space"
+    assert describe(path).area == pytest.approx(2 * AREA + 0.5)
+
+
+def test_an_external_reference_is_named(tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf")
+    add_roof(document.modelspace())
+    document.add_xref_def("other.dxf", "other")
+    document.modelspace().add_blockref("other", (0, 0))
+    document.saveas(path)
+    assert dropped(path) == "1 external reference 'other', whose content is elsewhere"
+
+
+def test_marks_on_a_hidden_dxf_layer_are_ignored_but_a_named_layer_is_read(tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf", "support", "void")
+    document.layers.get("support").off()
+    for name in ("support", "void"):
+        document.modelspace().add_circle((0, 0), 1, dxfattribs={"layer": name})
+    document.saveas(path)
+    assert [*marks_on_layers(path, ("support", "void"), 1.0)] == ["void"]
+    assert len(closed_curves(path, None, None)) == 1
+    assert len(closed_curves(path, "support", None)) == 1
+    assert read_dxf(path, DrawingBudget()).hidden == ("support",)
+
+
+# ---- glTF ----
+
+
+def glb(path, nodes, used=(), roof=ROOF, **more):
+    """A file by pygltflib of nodes with the roof, whose y axis is up; `more` are tables of numbers (count, width)."""
+    file = pygltflib.GLTF2(scene=0, scenes=[pygltflib.Scene(nodes=[*range(len(nodes))])], extensionsUsed=[*used])
+    V = roof.V @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0]])
+    tables = {"V": V.astype("<f4"), "F": roof.F.reshape(-1, 1).astype("<u4")}
+    tables |= {name: np.array(rows, dtype="<f4") for name, rows in more.items()}
+    data = b""
+    for k, rows in enumerate(tables.values()):
+        file.bufferViews.append(pygltflib.BufferView(buffer=0, byteOffset=len(data), byteLength=rows.nbytes))
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[rows.shape[1]]
+        number = pygltflib.UNSIGNED_INT if rows.dtype.kind == "u" else pygltflib.FLOAT
+        file.accessors.append(pygltflib.Accessor(bufferView=k, componentType=number, count=len(rows), type=kind))
+        data += rows.tobytes()
+    file.buffers = [pygltflib.Buffer(byteLength=len(data))]
+    file.meshes = [
+        pygltflib.Mesh(primitives=[pygltflib.Primitive(attributes=pygltflib.Attributes(POSITION=0), indices=1)])
+    ]
+    file.nodes = [pygltflib.Node(mesh=0, **node) for node in nodes]
+    file.set_binary_blob(data)
+    file.save_binary(str(path))
+    return path
+
+
+def test_instances_of_a_gltf_mesh_are_drawn_turned_and_scaled(tmp_path):
+    s = float(np.sqrt(0.5))
+    more = {"TRANSLATION": [[0, 0, 0], [0, 5, 0], [0, 10, 0]], "ROTATION": [[0, 0, 0, 1], [0, s, 0, s], [0, 0, 0, 1]]}
+    more["SCALE"] = [[1, 1, 1], [1, 1, 1], [2, 2, 2]]
+    extension = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 2, "ROTATION": 3, "SCALE": 4}}}
+    path = glb(tmp_path / "roofs.glb", [{"extensions": extension}], extension, **more)
+    assert content(path) == {("mesh", "taken"): 1, ("instance", "taken"): 3}
+    assert len(pygltflib.GLTF2().load(str(path)).meshes) == 1
+    facts = describe(path)
+    assert facts.area == pytest.approx(AREA * (1 + 1 + 4))
+    assert facts.box[2] == pytest.approx(10)
+    turned = read_surface(path).V
+    assert_allclose(np.ptp(turned[np.abs(turned[:, 2] - 5) < 0.1], axis=0)[:2], [2, 3], atol=1e-6)
+
+
+def test_hidden_and_unused_gltf_meshes_are_named(tmp_path):
+    hidden = {"extensions": {"KHR_node_visibility": {"visible": False}}, "children": [1]}
+    path = glb(tmp_path / "roof.glb", [hidden, {}, {}], ["KHR_node_visibility"])
+    file = pygltflib.GLTF2().load(str(path))
+    file.scenes[0].nodes = [0, 2]
+    file.meshes.append(file.meshes[0])
+    file.save(str(path))
+    assert content(path) == {
+        ("hidden object", "dropped"): 2,
+        ("mesh", "taken"): 1,
+        ("mesh", "dropped"): len(file.meshes) - 1,
+    }
+    assert read_surface(path).area == pytest.approx(AREA)
+
+
+@pytest.mark.parametrize("version", ["1.0", None])
+def test_gltf_1_is_named(version, tmp_path):
+    tree = {"meshes": {"roof": {}}, "scenes": {}} | ({"asset": {"version": version}} if version else {})
+    with pytest.raises(SurfaceError, match=r"its version of glTF is 1\.0, but dsfab reads version 2"):
+        raw_mesh(written(tmp_path / "old.gltf", json.dumps(tree)))
+    data = b"glTF" + struct.pack("<4I", 1, 28, 8, 0) + b"{}      "
+    with pytest.raises(SurfaceError, match="its version of glTF is 1"):
+        raw_mesh(written(tmp_path / "old.glb", data))
+
+
+# ---- 3MF ----
+
+CORE = "http://schemas.microsoft.com/3dmanufacturing/core/2015/02"
+SPACES = f'xmlns="{CORE}" xmlns:b="http://schemas.microsoft.com/3dmanufacturing/beamlattice/2017/02"'
+
+
+def mesh_text(V=ROOF.V, extra=""):
+    vertices = "".join(f'<vertex x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in np.asarray(V).tolist())
+    triangles = "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in ROOF.F)
+    return f"<mesh><vertices>{vertices}</vertices><triangles>{triangles}</triangles>{extra}</mesh>"
+
+
+def model(objects, items, attributes='unit="meter"'):
+    resources = "".join(f'<object id="{k}" {about}>{text}</object>' for k, (about, text) in enumerate(objects, 1))
+    return f"<model {attributes} {SPACES}><resources>{resources}</resources><build>{items}</build></model>"
+
+
+def archive(path, text, **more):
+    data = io.BytesIO(threemf(text))
+    with zipfile.ZipFile(data, "a") as packed:
+        for name, content_text in more.items():
+            packed.writestr(f"Metadata/{name}.config", content_text)
+    return written(path, data.getvalue())
+
+
+def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
+    """Objects, items, components, beams and aids of the print, as lib3mf counts them."""
+    lib3mf = pytest.importorskip("lib3mf")
+    beams = '<b:beamlattice radius="0.1" minlength="0.01"><b:beams><b:beam v1="0" v2="1"/></b:beams></b:beamlattice>'
+    objects = [("", mesh_text()), ('type="support"', mesh_text()), ('type="other"', mesh_text())]
+    objects += [("", mesh_text(extra=beams)), ("", '<components><component objectid="1"/></components>'), ("", "")]
+    objects[5] = ("", mesh_text())
+    items = "".join(f'<item objectid="{k}"/>' for k in (1, 2, 3, 4, 5))
+    path = archive(tmp_path / "plate.3mf", model(objects, items))
+    record = raw_mesh(path).record
+    theirs = lib3mf.get_wrapper().CreateModel()
+    theirs.QueryReader("3mf").ReadFromFile(str(path))
+    counts = content(path)
+    drawn = counts["object", "taken"] + counts["object", "dropped"]  # the components object draws the first again
+    assert drawn == theirs.GetMeshObjects().Count() + 1
+    assert counts["item", "taken"] == 5
+    assert counts["component", "taken"] == theirs.GetComponentsObjects().Count() == 1
+    assert counts["beam", "dropped"] == 1
+    assert "1 object of the type 'support'" in record.dropped
+    assert "1 object of the type 'other'" in record.dropped
+    assert "1 object that the build plate lacks" in record.dropped
+    assert describe(path).area == pytest.approx(3 * AREA)
+
+
+def test_modifiers_of_slicers_are_ignored_and_named(tmp_path):
+    two = mesh_text(np.concatenate([ROOF.V, ROOF.V + 9.0])).replace(
+        "</triangles>", "".join(f'<triangle v1="{a}" v2="{b}" v3="{c}"/>' for a, b, c in ROOF.F + N) + "</triangles>"
+    )
+    volume = '<volume firstid="{}" lastid="{}"><metadata type="volume" key="volume_type" value="{}"/></volume>'
+    volumes = volume.format(0, M - 1, "ModelPart") + volume.format(M, 2 * M - 1, "ParameterModifier")
+    prusa = archive(
+        tmp_path / "prusa.3mf",
+        model([("", two)], '<item objectid="1"/>'),
+        Slic3r_PE_model=f'<config><object id="1">{volumes}</object></config>',
+    )
+    parts = "".join(f'<component objectid="{k}"/>' for k in (1, 2))
+    objects = [("", mesh_text()), ("", mesh_text(ROOF.V + 9.0)), ("", f"<components>{parts}</components>")]
+    kinds = '<part id="1" subtype="normal_part"/><part id="2" subtype="modifier_part"/>'
+    bambu = archive(
+        tmp_path / "bambu.3mf",
+        model(objects, '<item objectid="3"/><item objectid="3" printable="0"/>'),
+        model_settings=f'<config><object id="3">{kinds}</object></config>',
+    )
+    for path in (prusa, bambu):
+        assert "1 modifier or support of its slicer" in dropped(path)
+        assert describe(path).area == pytest.approx(AREA)
+    assert "1 item that its slicer does not print" in dropped(bambu)
+    broken = archive(
+        tmp_path / "odd.3mf", model([("", mesh_text())], '<item objectid="1"/>'), model_settings="<config>"
+    )
+    assert read_surface(broken).m == M
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (model([("", mesh_text())], '<item objectid="7"/>'), "it places the object '7', which it lacks"),
+        (model([("", mesh_text())], '<item objectid="1"/>')[:-20], "its XML is broken or cut off in line 1"),
+        (model([("", mesh_text().replace('x="', 'u="', 1))], ""), "a number or an object is missing or invalid"),
+        (model([("", mesh_text())], '<item objectid="1" transform="1 0 0"/>'), "a number or an object is missing"),
+        (model([("", mesh_text())], "", 'requiredextensions="s"'), "it needs the extension s, which dsfab does not"),
+        (
+            model([("", mesh_text(extra=""))], '<item objectid="1"/>', 'unit="parsec"'),
+            "is in parsec, a unit that dsfab",
+        ),
+    ],
+)
+def test_a_damaged_3mf_file_is_refused_in_words(text, words, tmp_path):
+    with pytest.raises(SurfaceError, match=r"bad\.3mf") as refusal:
+        raw_mesh(archive(tmp_path / "bad.3mf", text))
+    assert words in str(refusal.value)
+
+
+# ---- formats without parts ----
+
+
+def test_faces_of_plain_formats_are_counted_as_trimesh_counts_them(tmp_path):
+    scene = trimesh.Scene([trimesh.Trimesh(ROOF.V + k, ROOF.F) for k in range(2)])
+    whole = trimesh.util.concatenate([*scene.geometry.values()])
+    for suffix in ("obj", "ply", "off", "stl", "stl_ascii"):
+        path = tmp_path / f"{suffix}.{suffix[:3]}"
+        (scene if suffix == "obj" else whole).export(path, file_type=suffix)
+        assert content(path)["face", "taken"] == len(whole.faces)
+    assert content(tmp_path / "obj.obj")["group", "taken"] == len(scene.geometry)
+    assert content(tmp_path / "stl_ascii.stl")["solid", "taken"] == 1
+    text = (tmp_path / "obj.obj").read_text() + "l 1 2\nl 2 3\np 1\nf 1 2\n"
+    counts = content(written(tmp_path / "more.obj", text))
+    assert (counts["line", "dropped"], counts["point", "dropped"], counts["face", "dropped"]) == (2, 1, 1)
+
+
+def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp_path):
+    build123d = pytest.importorskip("build123d")
+    sheet = build123d.Face.make_rect(3, 2)
+    box = build123d.Box(1, 1, 1).move(build123d.Location((0, 0, 5)))
+    line = build123d.Edge.make_line((0, 0, 0), (1, 0, 0))
+    whole = build123d.Compound(children=[sheet, box.solid(), line])
+    for suffix, write in ((".step", build123d.export_step), (".brep", build123d.export_brep)):
+        path = tmp_path / f"roof{suffix}"
+        write(whole, str(path))
+        counts = content(path)
+        assert counts["face", "taken"] == len(whole.faces()) == 7
+        assert counts["solid", "taken"] == len(whole.solids()) == 1
+        assert counts["curve", "beside"] == 1
+        assert raw_mesh(path).record.other_words == "1 curve"
+
+
+# ---- doubles, units, mirrors ----
+
+
+def test_survey_coordinates_keep_the_digits_of_the_file(tmp_path):
+    V = ROOF.V / 3 + FAR
+    saved(with_mesh(rhino_mesh(V)), tmp_path / "roof.3dm")
+    archive(tmp_path / "roof.3mf", model([("", mesh_text(V))], '<item objectid="1"/>'))
+    moved = f'<item objectid="1" transform="1 0 0 0 1 0 0 0 1 {" ".join(map(repr, FAR.tolist()))}"/>'
+    archive(tmp_path / "moved.3mf", model([("", mesh_text(ROOF.V / 3))], moved))
+    for name in ("roof.3dm", "roof.3mf", "moved.3mf"):
+        read = raw_mesh(tmp_path / name).V
+        assert_allclose(read[np.lexsort(read.T)], V[np.lexsort(V.T)], rtol=0, atol=1e-9)
+    read = read_rhino_json(json.dumps(rhino_mesh(V).Encode()))
+    assert np.array_equal(read.V, V)
+
+
+def with_mesh(mesh, unit="Meters"):
+    model = rhino_model(unit)
+    model.Objects.AddMesh(mesh)
+    return model
+
+
+def check_unit(path, unit_word, metres):
+    """The file is read in its unit; without `metres` the refusal names the unit, and --unit helps."""
+    if metres is not None:
+        assert describe(path).box[0] == pytest.approx(3.0 * metres)
+        return
+    with pytest.raises(SurfaceError, match=re.escape(f"{path} is in {unit_word}")) as refusal:
+        describe(path)
+    assert "--unit" in str(refusal.value)
+    assert describe(path, unit="ft").box[0] == pytest.approx(3.0 * 0.3048)
+
+
+METRES = {"Millimeters": 1e-3, "Centimeters": 1e-2, "Decimeters": 0.1, "Meters": 1.0, "Kilometers": 1000.0}
+METRES |= {"Inches": 0.0254, "Feet": 0.3048, "Yards": 0.9144, "Microns": 1e-6, "USSurveyFeet": 1200 / 3937}
+
+
+@pytest.mark.parametrize("code", [*InsertUnits, 99])
+def test_each_unit_of_dxf_is_read_or_refused(code, tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf")
+    document.header["$INSUNITS"] = int(code)
+    add_roof(document.modelspace())
+    document.saveas(path)
+    name = "" if code == 99 else code.name
+    expected = 1.0 if name == "Unitless" else METRES.get(name)
+    check_unit(path, name.lower() or "$INSUNITS 99", expected)
+
+
+@pytest.mark.parametrize("name", [*rhino3dm.UnitSystem.__members__])
+def test_each_unit_of_3dm_is_read_or_refused(name, tmp_path):
+    path = saved(with_mesh(rhino_mesh(), name), tmp_path / "roof.3dm")
+    expected = 1.0 if name in ("None", "Unset") else METRES.get(name)
+    check_unit(path, name.lower(), expected)
+
+
+@pytest.mark.parametrize(("word", "metres"), [("yards", 0.9144), ("US survey feet", 1200 / 3937), ("microns", 1e-6)])
+def test_units_in_comments_and_from_grasshopper(word, metres, tmp_path):
+    text = f"# File units = {word}\nv 0 0 0\nv 3 0 0\nv 0 3 0\nf 1 2 3\n"
+    check_unit(written(tmp_path / "roof.obj", text), word, metres)
+    values = [{"ParamName": "mesh", "InnerTree": {"0": [{"type": "", "data": json.dumps(rhino_mesh().Encode())}]}}]
+    request = read_request(COMPONENTS["preview"], {"values": values, "modelunits": word.title()})
+    assert METRES_PER[request.unit] == pytest.approx(metres)
+    with pytest.raises(HopsError, match="the unit of the model is furlongs; work in one of mm"):
+        read_request(COMPONENTS["preview"], {"values": values, "modelunits": "Furlongs"})
+
+
+def mirrored_files(folder):
+    """The roof, mirrored, in four formats; in 3MF also by a component in a mirrored item, twice, thus not at all."""
+    yield saved(with_block(rhino_model(), MIRROR), folder / "roof.3dm")
+    document, path = dxf(folder / "roof.dxf")
+    add_roof(document.blocks.new("roof"))
+    document.modelspace().add_blockref("roof", (0, 0), dxfattribs={"yscale": -1})
+    document.saveas(path)
+    yield path
+    yield glb(folder / "roof.glb", [{"scale": [-1, 1, 1]}])
+    mirror = 'transform="-1 0 0 0 1 0 0 0 1 0 0 0"'
+    parts = f'<components><component objectid="1" {mirror}/></components>'
+    objects = [("", mesh_text()), ("", parts)]
+    yield archive(folder / "one.3mf", model(objects, f'<item objectid="1" {mirror}/>'))
+    yield archive(folder / "part.3mf", model(objects, '<item objectid="2"/>'))
+    yield archive(folder / "twice.3mf", model(objects, f'<item objectid="2" {mirror}/>'))
+
+
+def test_a_mirrored_roof_still_looks_up(tmp_path):
+    assert (ROOF.normals[:, 2] > 0).all()
+    for path in mirrored_files(tmp_path):
+        raw = raw_mesh(path)
+        a, b, c = (raw.V[raw.F[:, k]] for k in range(3))
+        assert (np.cross(b - a, c - a)[:, 2] > 0).all(), path
