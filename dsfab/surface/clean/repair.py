@@ -213,13 +213,14 @@ def is_scan(V: Floats, F: Ints) -> bool:
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
+    if (edges.count > 2).sum() >= SEVERAL:
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # a copy of a sheet is no scan
+        edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
         return True
     if mean > FINE * side:
         return False
-    if (edges.count > 2).sum() >= SEVERAL:
-        edges = edge_table(F[complement(overlapping_faces(V, F).whole, len(F))])  # a copy of a sheet is no scan
     if (edges.count > 2).sum() >= SEVERAL:
         return True
     return sum(polygon_perimeter(V[loop]) < HOLE * side for loop in boundary_loops(F, edges)) >= SEVERAL

@@ -27,6 +27,7 @@ from dsfab.surface.topology import (
     manifold_faults,
     misoriented_edges,
     named_edges,
+    on_boundary,
     pieces,
     pinches,
 )
@@ -62,8 +63,8 @@ def read_surface(
     dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
     reports the repairs.
 
-    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, and edges
-    with more than two faces."""
+    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, edges with
+    more than two faces, and closed parts that touch in a point."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -141,6 +142,12 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
         raise SurfaceError(
             f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
             "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
+        )
+    points = pinches(F, edges, int(F.max()) + 1)
+    inside = points[~on_boundary(edges, int(F.max()) + 1)[points]]
+    if len(inside):
+        raise SurfaceError(
+            f"closed parts touch in a point (first: vertex {inside[0]}); join them along edges, or move them apart"
         )
 
 
