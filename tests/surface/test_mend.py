@@ -54,7 +54,7 @@ def test_a_cushion_sewn_of_two_sheets_is_closed_at_its_corners():
     rise = np.c_[0 * x, 0 * y, 0.2 * (4 - x**2) * (4 - y**2)]
     V, F = np.vstack([flat.V + rise, flat.V - 0.5 * rise]), np.vstack([flat.F, flat.n + flat.F[:, ::-1]])
     mesh = mended_mesh(V, F)
-    assert mesh.repairs[-1] == "4 faces that repeat earlier faces dropped"
+    assert mesh.repairs[-1] == "4 faces that lie on other faces dropped"
     assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
     cushion = Surface(mesh.V, mesh.F)
     assert cushion.is_closed
@@ -65,7 +65,7 @@ def test_a_cushion_sewn_of_two_sheets_is_closed_at_its_corners():
 def test_a_face_twice_within_a_sheet_is_dropped_once():
     mesh = mended_mesh(ROOF.V, np.vstack([ROOF.F, ROOF.F[5:6, ::-1]]))
     assert len(mesh.F) == ROOF.m
-    assert mesh.repairs == ("1 face that repeat earlier faces dropped",)
+    assert mesh.repairs == ("1 face that lie on other faces dropped",)
 
 
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e4))
@@ -236,7 +236,11 @@ def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
     )
     for V, F in ((slit, around), needles, tip):
         mesh = mended_mesh(np.array(V, dtype=float), np.array(F))
-        assert mesh.repairs == ()
+        if V is tip[0]:  # its third face lies on the last
+            assert mesh.repairs == ("1 face that lie on other faces dropped",)
+            F = [*F[:2], F[3]]
+        else:
+            assert mesh.repairs == ()
         assert_array_equal(mesh.F, F)
 
 

@@ -37,7 +37,7 @@ def test_a_scan_of_a_ball_becomes_a_ball():
     told = "; ".join(mesh.repairs)
     for words in (
         "without area",
-        "repeat earlier faces",
+        "lie on other faces",
         "1 edge with more than two faces split",
         "2 small pieces dropped",
     ):

@@ -2,13 +2,26 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from heapq import heappop, heappush
 
+import igl
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, lengths, weighted_quantiles
+from dsfab.core.arrays import (
+    Bools,
+    Floats,
+    Ints,
+    area_vectors,
+    distinct,
+    first_few,
+    lengths,
+    unit_vectors,
+    weighted_quantiles,
+)
 from dsfab.core.messages import length
-from dsfab.surface.mesh import nearest_places
-from dsfab.surface.topology import EdgeTable, edge_table, link_components, pieces
+from dsfab.surface.clean.seams import SAG, WELD, merged_vertices
+from dsfab.surface.mesh import bounding_box, nearest_places
+from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_components, pieces
 
 
 def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
@@ -52,6 +65,139 @@ def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
             for pair in pairs_at.get(c, ()):
                 ends[pair] |= int(pairs[pair].sum()) - c in neighbours[b]
     return ends
+
+
+SAMPLES = np.array(
+    [[0.36, 0.33, 0.31], [0.8, 0.11, 0.09], [0.1, 0.79, 0.11], [0.09, 0.12, 0.79]]
+    + [[0.48, 0.43, 0.09], [0.1, 0.47, 0.43], [0.44, 0.08, 0.48]]
+)
+"""Barycentric weights (7, 3) of places in a face: near its middle, its corners 0 to 2, and its edges 0-1, 1-2 and 2-0.
+They are uneven, so that no edge between the halves of a square or between its quarters passes through them."""
+
+
+@dataclass(frozen=True, eq=False)
+class OverlappingFaces:
+    """Faces that lie on other faces: `whole` (k,) on the remaining faces; `part` (l,) only partly on faces."""
+
+    whole: Ints
+    part: Ints
+
+
+def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
+    """Return the faces of the mesh V (n, 3), F (m, 3) that lie on other faces in one plane, however these are divided.
+
+    In one plane means within `WELD` times the largest side. The two pairs of triangles of one quad need not be in one
+    plane, if the quad is as flat as `SAG`. The remaining faces are chosen along common edges, so that they are of one
+    sheet. An overlap counts if it contains one of the seven `SAMPLES` of a face. Method: rays along the normals, with a
+    tree of boxes [Jacobson et al. 2018, libigl]."""
+    edges = edge_table(F)
+    rim, side = np.nonzero(edges.boundary[edges.of])
+    m, (low, high) = len(F), bounding_box(V, F)
+    V = np.ascontiguousarray((V - (low + high) / 2) / max(float((high - low).max()), 1e-300))
+    F, tree = np.ascontiguousarray(F), igl.AABB()
+    tree.init(V, F)
+    some = np.concatenate([np.arange(m), rim]), np.concatenate([np.zeros(m, dtype=np.int64), 4 + side])
+    first_covers = _covers(tree, V, F, *some)
+    if not len(first_covers):
+        return OverlappingFaces(rim[:0], rim[:0])
+    around = np.flatnonzero(corners_of(F, np.isin(np.arange(m), first_covers[:, [0, 2]]), len(V))[F].any(axis=1))
+    covers = _covers(tree, V, F, np.repeat(around, len(SAMPLES)), np.tile(np.arange(len(SAMPLES)), len(around)))
+    stays = _one_sheet(V, F, edges, covers)
+    added = ~stays & ~_is_covered(covers, stays)
+    stays = (stays & ~_is_covered(covers, added)) | added
+    whole = np.flatnonzero(~stays)
+    is_tied = _tied_faces(edges, covers, whole)
+    stays[whole[is_tied]] = True
+    face, _, other = covers[stays[covers[:, 0]] & stays[covers[:, 2]]].T
+    folds = np.flatnonzero((edges.of[face][:, :, None] == edges.of[other][:, None, :]).any(axis=(1, 2)))
+    return OverlappingFaces(whole[~is_tied], distinct(np.delete(face, folds)))
+
+
+def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
+    """Return rows (k, 3): a face, one of its samples, and another face in one plane that covers the sample.
+    tree : boxes of the mesh V (n, 3), of size 1, F (m, 3).    faces, samples : (r,) faces, and indices of `SAMPLES`."""
+    P = V[F]
+    normal = unit_vectors(area_vectors(V, F))
+    reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
+    starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
+    rays = tree.intersect_ray(V, F, starts, normal[faces])
+    # each ray meets its own face
+    hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
+    row, other = hits[:, :2].astype(np.int64).T
+    distance = np.abs(hits[:, 2] - reach[row])
+    near = (other != faces[row]) & (distance <= reach[row])
+    row, other = row[near], other[near]
+    face = faces[row]
+    height = np.abs(np.einsum("kci,ki->kc", P[other] - P[face, :1], normal[face])).max(axis=1, initial=0)
+    back = np.abs(np.einsum("kci,ki->kc", P[face] - P[other, :1], normal[other])).max(axis=1, initial=0)
+    counts = np.minimum(height, back) <= WELD
+    if not counts.all():
+        counts |= _of_one_quad(merged_vertices(V, WELD)[1][F], face, other)
+    return np.stack([face, samples[row], other], axis=1)[counts]
+
+
+def _of_one_quad(F: Ints, face: Ints, other: Ints) -> Bools:
+    """Return which pairs (p,) of faces have an edge in common, and F (m, 3) has also two faces on their other ends."""
+    same = F[face][:, :, None] == F[other][:, None, :]
+    mine, theirs = same.any(axis=2), same.any(axis=1)
+    result: Bools = mine.sum(axis=1) == 2
+    if result.any():
+        candidates = F[corners_of(F[face], result, int(F.max()) + 1)[F].sum(axis=1) >= 2]
+        known = set(map(tuple, np.sort(candidates, axis=1).tolist()))
+        ends = np.stack([F[face][~mine & result[:, None]], F[other][~theirs & result[:, None]]], axis=1)
+        common = F[face][mine & result[:, None]].reshape(-1, 2)
+        thirds = (np.sort(np.c_[ends, common[:, k]], axis=1).tolist() for k in (0, 1))
+        result[result] = [tuple(a) in known and tuple(b) in known for a, b in zip(*thirds, strict=True)]
+    return result
+
+
+def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
+    """Return faces (m,) of which none covers another: all other faces, then what continues them along edges. The face
+    with the shortest longest edge comes first, so that the order of the faces does not matter."""
+    overlaps: dict[int, set[int]] = {}
+    for face, _, other in covers.tolist():
+        overlaps.setdefault(face, set()).add(other)
+        overlaps.setdefault(other, set()).add(face)
+    stays, undecided = np.ones(len(F), dtype=bool), set(overlaps)
+    stays[list(overlaps)] = False
+    beside = {
+        face: np.concatenate([edges.order[edges.start[k] : edges.start[k + 1]] // 3 for k in edges.of[face]])
+        for face in overlaps
+    }
+    longest = lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]])[edges.of].max(axis=1).round(9).tolist()
+    for seed in sorted(overlaps, key=lambda face: (not stays[beside[face]].any(), longest[face], face)):
+        waiting = [(longest[seed], seed)]
+        while waiting:
+            _, face = heappop(waiting)
+            if face in undecided:
+                stays[face] = True
+                undecided -= {face, *overlaps[face]}
+                for k in undecided.intersection(beside[face].tolist()):
+                    heappush(waiting, (longest[k], k))
+    return stays
+
+
+def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
+    """Return which faces (k,) cannot be removed: without the faces joined to them, a remaining face would get a new
+    free edge, as at a fold. On that edge only one face remains, and it does not cover them."""
+    m, remaining = len(edges.of), np.full(len(edges.ends), -1)
+    others = np.delete(np.arange(m), faces)
+    remaining[edges.of[others]] = others[:, None]
+    keys = faces[:, None] * m + remaining[edges.of[faces]]
+    covered = np.isin(keys, np.concatenate([covers[:, 0] * m + covers[:, 2], covers[:, 2] * m + covers[:, 0]]))
+    alone = np.bincount(edges.of[others].ravel(), minlength=len(edges.ends))[edges.of[faces]] == 1
+    order = np.argsort(edges.of[faces].ravel(), kind="stable")
+    joined = np.flatnonzero(np.diff(edges.of[faces].ravel()[order]) == 0)
+    label = link_components(len(faces), order[joined] // 3, order[joined + 1] // 3)[1]
+    return np.isin(label, label[(alone & ~covered).any(axis=1)])
+
+
+def _is_covered(covers: Ints, by: Bools) -> Bools:
+    """Return the faces (m,) of which the faces `by` (m,) cover all samples."""
+    face, sample, _ = covers[by[covers[:, 2]]].T
+    return np.asarray(
+        np.bincount(distinct(face * len(SAMPLES) + sample) // len(SAMPLES), minlength=len(by)) == len(SAMPLES)
+    )
 
 
 COPY_GAP = 1 / 500  # A second sheet is a copy up to this distance divided by the square root of the sheet's area.
@@ -104,13 +250,14 @@ def parallel_parts(V: Floats, F: Ints) -> tuple[ParallelParts, ...]:
         gone[pair.piece] = True
     for a, b in pairs:
         first_part, second_part = np.flatnonzero(part == a), np.flatnonzero(part == b)
-        if piece[first_part[0]] == piece[second_part[0]] or gone[first_part[0]] or gone[second_part[0]]:
+        if gone[first_part[0]] or gone[second_part[0]]:
             continue
         side = float(np.sqrt(area[first_part].sum()))
         gap = _gap(V, F[first_part], F[second_part], side)
-        if gap is not None:
-            parallels.append(ParallelParts(first_part, second_part, gap, "copy" if gap <= COPY_GAP * side else "apart"))
-            gone[second_part] = gap <= COPY_GAP * side
+        is_copy = gap is not None and gap <= COPY_GAP * side
+        if gap is not None and (is_copy or piece[first_part[0]] != piece[second_part[0]]):
+            parallels.append(ParallelParts(first_part, second_part, gap, "copy" if is_copy else "apart"))
+            gone[second_part] = is_copy
     return tuple(parallels)
 
 
@@ -213,9 +360,24 @@ def _gap(V: Floats, first_part: Ints, second_part: Ints, side: float, even: bool
 
 
 def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """Yield a sentence about each pair of parallel sheets of a mesh V (n, 3), metres, F (m, 3)."""
-    for pair in parallel_parts(V, F):
+    """Yield a sentence about each pair of parallel sheets of a mesh V (n, 3), metres, F (m, 3), and on other faces that
+    lie on faces."""
+    pairs = parallel_parts(V, F)
+    for pair in pairs:
         yield _REMARKS[pair.kind].format(length(pair.gap))
+    copies = [faces for pair in pairs if pair.kind == "copy" for faces in (pair.keep, pair.other)]
+    yield from overlap_remarks(V, F, np.concatenate([np.zeros(0, dtype=np.int64), *copies]))
+
+
+def overlap_remarks(V: Floats, F: Ints, known: Ints) -> Iterator[str]:
+    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on other faces, except the faces `known`."""
+    overlapping = overlapping_faces(V, F)
+    remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
+    for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
+        faces = np.setdiff1d(faces, known)
+        if len(faces):
+            what = f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane"
+            yield f"{what} (first: {first_few(faces)}), so the sheet is double there; {remedy}"
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:

@@ -9,14 +9,13 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, complement, group_sums, lengths, polygon_perimeter
 from dsfab.core.messages import count_phrase, length
 from dsfab.surface.clean.borders import even_edges, hole_triangles
-from dsfab.surface.clean.overlaps import crossing_pairs, single_sheets
-from dsfab.surface.clean.seams import ASTRAY_RATIO, in_reach, joined_at_points, merged_vertices, stitched_faces
+from dsfab.surface.clean.overlaps import crossing_pairs, overlapping_faces, single_sheets
+from dsfab.surface.clean.seams import ASTRAY_RATIO, WELD, in_reach, joined_at_points, merged_vertices, stitched_faces
 from dsfab.surface.edge_changes import contracted_faces, leading_candidates, meets_link_condition
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
     corner_fans,
-    duplicate_faces,
     edge_table,
     flips_to_orient,
     misoriented_edges,
@@ -25,7 +24,6 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
 CRUMB = 0.01  # The repair drops loose pieces below this share of the mesh's area.
 PINHOLE = 1e-3  # The repair closes a hole whose outline is shorter than this share of the mesh's largest side.
 _NO_AREA = "without area"
@@ -78,9 +76,11 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are not numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
     mesh = _without(_weld(_compact(mesh)), _UNSOUND)
-    once = _distinct_faces(mesh.V, mesh.F)
-    twice = 2 * len(once) <= len(mesh.F)
-    return _compact(mesh.with_faces(once, "of a second copy of the sheet" if twice else _REPEATED))
+    if not len(mesh.F):
+        return mesh
+    once = _single_faces(mesh.V, mesh.F)
+    which = "that lie on other faces"
+    return _compact(mesh.with_faces(once, "of a second copy of the sheet" if 2 * len(once) <= len(mesh.F) else which))
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
@@ -133,13 +133,12 @@ def _with_area(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
 
 
-def _distinct_faces(_: Floats, F: Ints) -> Ints:
-    """Return the faces (k,), with only the first of each group of repeated faces.
+def _single_faces(V: Floats, F: Ints) -> Ints:
+    """Return the faces (k,), without those that lie on the remaining faces.
     Both copies of a face are removed if two further faces continue at one of its edges. Such copies lie flat between
     their neighbours, for example in the corners of a cushion sewn from two sheets."""
-    twins = duplicate_faces(F)
-    once = complement(twins, len(F))
-    if not len(twins):
+    once = complement(overlapping_faces(V, F).whole, len(F))
+    if len(once) == len(F):
         return once
     _, group, times = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True, return_counts=True)
     twin = (times > 1)[group.ravel()][once]
@@ -163,7 +162,6 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
 
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)
-_REPEATED = "that repeat earlier faces"
 _TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that already have two faces (a rib?)"),)
 _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in tiny loose pieces"),)
 
@@ -215,6 +213,9 @@ def is_scan(V: Floats, F: Ints) -> bool:
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
+    if (edges.count > 2).sum() >= SEVERAL:
+        F = F[complement(overlapping_faces(V, F).whole, len(F))]  # a copy of a sheet is no scan
+        edges = edge_table(F)
     mean = float(lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]]).mean())
     if mean <= NOISY * side and not len(misoriented_edges(F, edges)) and _folded_faces(V, F).mean() > FOLDED:
         return True

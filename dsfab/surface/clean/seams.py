@@ -10,6 +10,7 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
+WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
 ASTRAY_RATIO = 1000.0  # A vertex is astray if it is this many times as far from the middle as 99 % of all vertices.
 
 
@@ -228,11 +229,13 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """Return the face that fills the smallest angle at a vertex between two boundary edges of different fans.
+    """Return the face that fills the smallest angle at a vertex between two boundary edges of different fans, if any.
     away : (k,) second ends of the boundary edges.    fan : (k,) the fan of each edge. None for angles over 150 degrees.
     """
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
+    if not len(away):  # two closed parts touch
+        return None
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
     i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)
     return [v, int(away[i]), int(away[j])] if cosine[i, j] > np.cos(np.radians(150.0)) else None

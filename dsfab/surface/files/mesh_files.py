@@ -11,13 +11,22 @@ from dsfab.core.arrays import Bools, Floats, Ints, distinct, first_few
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import count_phrase
 from dsfab.core.units import METRES_PER
+from dsfab.surface.clean.seams import in_reach
 from dsfab.surface.files import DEFAULT_TRIANGLES, NOTHING_READ, Budget, FileRecord, TriangleFile
 from dsfab.surface.files.drawings import read_dxf_meshes
 from dsfab.surface.files.gltf import read_glb, read_gltf
 from dsfab.surface.files.obj_and_off import read_obj, read_off
 from dsfab.surface.files.ply import read_ply
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import Content, MalformedFileError, PolygonFile, readable
+from dsfab.surface.files.reading import (
+    COARSE_STEP,
+    LARGEST_NUMBER,
+    Content,
+    MalformedFileError,
+    PolygonFile,
+    number_steps,
+    readable,
+)
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
@@ -200,7 +209,14 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
             f"file's {n} vertices (first triangles: {first_few(bad)}){over}; export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
-    record = raw.record
+    largest = float(np.abs(raw.V[used][in_reach(raw.V[used])]).max(initial=0.0))
+    if largest > LARGEST_NUMBER:
+        raise SurfaceError(
+            f"{path} has coordinates up to {largest:.3g}, which no unit makes a building; export it again"
+        )
+    record, steps = raw.record, number_steps(raw.V, raw.F)
+    if steps.share > COARSE_STEP:
+        record = replace(record, read=(*record.read, steps.text))
     if len(used) < n and not record.repaired:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)

@@ -9,10 +9,12 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, fi
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import count_phrase
 from dsfab.core.units import metres_per
+from dsfab.surface.clean.overlaps import overlap_remarks
 from dsfab.surface.clean.repair import mended_mesh, repaired_scan
 from dsfab.surface.clean.seams import in_reach
 from dsfab.surface.files import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.files.mesh_files import RawMesh, raw_mesh
+from dsfab.surface.files.reading import LARGEST_STEP, number_steps
 from dsfab.surface.mesh import ZERO_AREA, Surface, signed_volume, signed_volumes
 from dsfab.surface.orientation import Up, flips_along_tree, upright_vertices
 from dsfab.surface.topology import (
@@ -25,6 +27,7 @@ from dsfab.surface.topology import (
     manifold_faults,
     misoriented_edges,
     named_edges,
+    on_boundary,
     pieces,
     pinches,
 )
@@ -60,8 +63,8 @@ def read_surface(
     dsfab rotates it to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file`
     reports the repairs.
 
-    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, and edges
-    with more than two faces."""
+    Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, edges with
+    more than two faces, and closed parts that touch in a point."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -92,6 +95,8 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
     if not len(raw.F):
         raise SurfaceError(f"{path}: the repair removed all faces: {'; '.join(raw.record.repaired)}; check the mesh")
     V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
+    if (steps := number_steps(raw.V, raw.F, unit or raw.unit or "m")).share > LARGEST_STEP:
+        raise SurfaceError(f"{path}: {steps.text}")
     try:
         surface = oriented_surface(V, raw.F)
     except SurfaceError as error:
@@ -137,6 +142,12 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
         raise SurfaceError(
             f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
             "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
+        )
+    points = pinches(F, edges, int(F.max()) + 1)
+    inside = points[~on_boundary(edges, int(F.max()) + 1)[points]]
+    if len(inside):
+        raise SurfaceError(
+            f"closed parts touch in a point (first: vertex {inside[0]}); join them along edges, or move them apart"
         )
 
 
@@ -222,6 +233,8 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
     faults = manifold_faults(F, edges, len(V))
     encloses = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
     count, _ = pieces(F, edges)
+    if faults or encloses or count > 1:  # a single open sheet seldom lies on itself, and a build tells it
+        faults = (*faults, *overlap_remarks(V, F, duplicate_faces(F)))
     lengths = _boundary_lengths(V, F, edges)
     euler = euler_characteristic(F, edges)
     areas, angle = _areas_and_smallest_angle(V, F, float(np.linalg.norm(high - low)))

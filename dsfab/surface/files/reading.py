@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -347,6 +347,44 @@ def whole_number(word: str) -> int:
 
 CURVE_TOLERANCE = 2e-4  # Largest distance of a polygon's sides from its curve, as a share of the curve's size.
 LARGEST_NUMBER = 1e12  # Larger numbers cannot be lengths or angles, and libraries may loop endlessly on them.
+
+
+FAR = 100.0  # A mesh is far from the origin if its coordinates are this many times as large as its largest side.
+DIGITS = 6  # Digits of numbers by default in C and C++ programs (printf with %g), for example gmsh.
+COARSE_STEP, LARGEST_STEP = 0.02, 0.5
+"""Steps of the numbers, as shares of the mean edge: dsfab reports larger steps than the first, which move vertices by
+over 1 % of an edge, and refuses larger steps than the second, which can turn faces over."""
+
+
+class NumberSteps(NamedTuple):
+    """The coarsest step of a file's numbers, as a share of the mean edge, and a sentence about it."""
+
+    share: float
+    text: str
+
+
+def number_steps(V: Floats, F: Ints, unit: str | None = None) -> NumberSteps:
+    """Return the step of the coordinates V (n, 3) of faces F (m, 3) if the file holds few digits, else a share of 0.
+    Only meshes far from the origin have too few: if all of their numbers are 32-bit numbers, or have six digits.
+    unit : the unit of V, for the sentence."""
+    P = V[F].reshape(-1, 3)
+    largest = np.abs(P).max(axis=0)
+    if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
+        return NumberSteps(0.0, "")
+    with np.errstate(over="ignore"):
+        single = P.astype(np.float32)
+    decade = np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS
+    if (single == P).all():
+        step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
+    elif (np.abs(P / 10.0**decade - np.rint(P / 10.0**decade)) < 1e-6).all():
+        step, why = 10.0 ** decade.max(axis=0), f"{DIGITS} digits"
+    else:
+        return NumberSteps(0.0, "")
+    corners, k = P.reshape(-1, 3, 3), int(step.argmax())
+    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+    of_step, of_edge = (f"{size:.2g} {unit or ''}".strip() for size in (step[k], edge))
+    text = f"{'xyz'[k]} has steps of {of_step} here ({why}), an edge has {of_edge}: export it near the origin"
+    return NumberSteps(float(step[k]) / max(edge, 1e-300), text)
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,257 @@
+"""Sheets that lie on themselves, numbers of few digits, and laws of reading: no unit, turn or order matters."""
+
+from itertools import permutations
+
+import numpy as np
+import pytest
+import trimesh
+
+from dsfab.core.arrays import polygon_perimeter
+from dsfab.core.errors import SurfaceError
+from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
+from dsfab.surface.clean.overlaps import overlapping_faces
+from dsfab.surface.files.mesh_files import raw_mesh
+from dsfab.surface.files.reader import describe, oriented_surface, read_surface, surface_of_file
+from dsfab.surface.files.reading import COARSE_STEP, LARGEST_STEP, number_steps
+from dsfab.surface.shapes import dome, plate
+from dsfab.surface.topology import boundary_loops
+from tests.shapes import folded, glued, grid, jittered, joined, lifted, sphere, stacked, three_leaves, tube
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], dtype=float)
+BOTH_DIAGONALS = np.array([[0, 1, 2], [0, 2, 3], [0, 1, 3], [1, 2, 3]])
+
+
+def vault(cells=6, twist=0.0):
+    """The vertices and quads of a barrel of 6 x 8 m, 2 m high; a twist makes its quads a little uneven."""
+    u, y = np.meshgrid(np.linspace(-1, 1, cells + 1), np.linspace(0, 8, cells + 1), indexing="ij")
+    V = np.stack([3 * u, y, 2 * (1 - u**2) + twist * u * y], axis=-1).reshape(-1, 3)
+    k = np.arange((cells + 1) ** 2).reshape(cells + 1, -1)
+    return V, np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], axis=-1).reshape(-1, 4)
+
+
+def halves(quads, other=False):
+    """The triangles of quads, cut along their first or their other diagonal."""
+    corners = ([0, 1, 3], [1, 2, 3]) if other else ([0, 1, 2], [0, 2, 3])
+    return np.concatenate([quads[:, corner] for corner in corners])
+
+
+def area(V, F):
+    return Surface(V, F).area
+
+
+def facts(mesh):
+    """The area, the number of pieces, and the lengths of the boundaries of a mended mesh, as shares of its size."""
+    surface = oriented_surface(mesh.V, mesh.F)
+    size = np.sqrt(surface.area)
+    loops = [polygon_perimeter(surface.V[loop]) for loop in boundary_loops(surface.F, surface.edges)]
+    return surface.area, surface.pieces[0], np.sort(loops) / size
+
+
+@pytest.mark.parametrize("order", list(permutations(range(4))))
+def test_a_square_with_both_diagonals_is_one_square(order):
+    for turned in range(4):
+        F = BOTH_DIAGONALS[list(order)]
+        F[turned] = F[turned, ::-1]
+        mesh = mended_mesh(SQUARE, F)
+        assert len(mesh.F) == 2
+        assert area(mesh.V, mesh.F) == pytest.approx(1.0, abs=1e-15)
+        assert mesh.repairs == ("2 faces of a second copy of the sheet dropped",)
+
+
+@pytest.mark.parametrize("twist", [0.0, 0.02])
+@pytest.mark.parametrize("apart", [False, True])
+@pytest.mark.parametrize("share", [1, 3])
+def test_quads_that_are_also_triangles_count_once(twist, apart, share):
+    """All quads, or each third, also along their other diagonal, from the other side, and before the sheet itself."""
+    V, quads = vault(twist=twist)
+    again = halves(quads[::share], other=True)[:, ::-1]
+    once, n = halves(quads), len(V) if apart else 0
+    mesh = mended_mesh(np.vstack([V, V]) if apart else V, np.vstack([again, once + n]))
+    assert len(mesh.F) == len(once)
+    assert facts(mesh)[1] == 1
+    assert len(facts(mesh)[2]) == 1
+    assert area(mesh.V, mesh.F) == pytest.approx(area(V, once), rel=1e-3 if twist else 1e-12)
+
+
+def test_sheets_with_other_seams_are_one_sheet():
+    """Two plates of 3 x 2 m in other divisions share their corners only."""
+    for nx, ny in ((2, 3), (5, 4), (7, 1)):
+        both = joined(grid(3, 2, 3.0, 2.0), jittered(grid(nx, ny, 3.0, 2.0)))
+        mesh = mended_mesh(both.V, both.F)
+        assert facts(mesh)[:2] == (pytest.approx(6.0, rel=1e-12), 1)
+        assert "second copy" in mesh.repairs[-1] or "lie on other faces" in mesh.repairs[-1]
+
+
+def test_two_curved_sheets_with_other_divisions_and_one_border_are_one():
+    """Inside their common border they part by up to a thousandth, and are one piece."""
+
+    def sheet(seed):
+        flat = jittered(grid(12, 12, 10.0, 10.0), seed=seed)
+        x, y = flat.V[:, :2].T
+        return Surface(np.c_[x, y, 0.03 * x * (10 - x) + 0.02 * y**2], flat.F)
+
+    one, other = sheet(1), sheet(2)
+    both = joined(one, Surface(other.V, other.F[:, ::-1]))
+    mesh = mended_mesh(both.V, both.F)
+    assert "second copy of the sheet" in mesh.repairs[-1]
+    assert facts(mesh)[:2] == (pytest.approx(one.area, rel=1e-3), 1)
+
+
+def test_sheets_at_a_distance_folds_and_crossing_sheets_stay():
+    flat = grid(8, 6, 4.0, 3.0)
+    for surface in (stacked(flat, 0.2), folded(0.05), three_leaves(), tube(12, 4), sphere(2), glued(dome(edge=0.9))):
+        overlapping = overlapping_faces(surface.V, surface.F)
+        assert len(overlapping.whole) == len(overlapping.part) == 0
+
+
+def test_a_lap_of_two_panels_is_named_and_stays():
+    left, right = grid(4, 2, 2.0, 1.0), grid(4, 2, 2.0, 1.0)
+    lap = joined(left, Surface(right.V + [1.7, 0.13, 0], right.F))
+    assert mended_mesh(lap.V, lap.F).repairs == ()
+    (words,) = parallel_remarks(lap.V, lap.F)
+    assert words.startswith("8 of 32 faces lie partly on other faces in one plane (first: 3, 7, ")
+    assert words.endswith("cut them where they meet the others")
+
+
+def test_a_flange_on_a_sheet_keeps_the_wall_on_it_closed():
+    """Without the flange the wall would end in a free edge: the flange stays, and is named."""
+    flat = grid(6, 6, 6.0, 6.0)
+    corners = np.array([[1.3, 2, 0], [2.3, 2, 0], [2.3, 4, 0], [1.3, 4, 0], [2.3, 2, 1], [2.3, 4, 1]])
+    flange = Surface(corners, np.array([[0, 1, 2], [0, 2, 3], [1, 4, 5], [1, 5, 2]]))
+    both = joined(flat, flange)
+    overlapping = overlapping_faces(both.V, both.F)
+    assert len(overlapping.whole) == 0
+    assert {flat.m, flat.m + 1} <= {*overlapping.part.tolist()}
+
+
+def test_a_copy_of_a_fine_sheet_is_no_scan():
+    """A repair of a scan would fill its small openings."""
+    fine = grid(120, 120, 10.0, 10.0)
+    assert not is_scan(fine.V, np.vstack([fine.F, fine.F[:, ::-1]]))
+
+
+def ply(path, V, F, kind):
+    """A binary PLY with numbers of 4 or 8 bytes."""
+    rows = np.empty(len(F), [("n", "u1"), ("v", "<i4", 3)])
+    rows["n"], rows["v"] = 3, F
+    word = {"<f4": "float", "<f8": "double"}[kind]
+    head = f"ply\nformat binary_little_endian 1.0\nelement vertex {len(V)}\n" + "".join(
+        f"property {word} {axis}\n" for axis in "xyz"
+    )
+    head += f"element face {len(F)}\nproperty list uchar int vertex_indices\nend_header\n"
+    path.write_bytes(head.encode() + V.astype(kind).tobytes() + rows.tobytes())
+    return path
+
+
+def off(path, V, F):
+    """An OFF with six digits, as gmsh writes it."""
+    lines = [f"OFF\n{len(V)} {len(F)} 0", *(" ".join(f"{x:.6g}" for x in p) for p in V.tolist())]
+    path.write_text("\n".join([*lines, *("3 {} {} {}".format(*f) for f in F.tolist())]) + "\n")
+    return path
+
+
+SITE = {"near": [0, 0, 0], "town": [2600.3, 1200.7, 400], "land": [691234.5, 334567.8, 500], "far": [4.4e6, 5.3e6, 500]}
+
+
+@pytest.mark.parametrize("write", ["six digits", "ply", "stl", "double"])
+@pytest.mark.parametrize("site", SITE)
+def test_too_few_digits_far_away_are_named_and_refused(site, write, tmp_path):
+    """A dome 20 m wide with edges of .9 m: the words state step and edge, and no unit is blamed."""
+    V, F = dome(edge=0.9).V + SITE[site], dome(edge=0.9).F
+    if write == "six digits":
+        path = off(tmp_path / "roof.off", V, F)
+    elif write == "stl":
+        path = tmp_path / "roof.stl"
+        trimesh.Trimesh(V, F, process=False).export(path)
+    else:
+        path = ply(tmp_path / "roof.ply", V, F, "<f8" if write == "double" else "<f4")
+    raw = raw_mesh(path)
+    words = [text for text in raw.record.read if "steps" in text]
+    expected = {"six digits": {"land": 1.0, "far": 10.0}, "double": {}}.get(write, {"far": 0.5})
+    if site not in expected:
+        assert words == [] or number_steps(raw.V, raw.F).share < LARGEST_STEP
+        assert surface_of_file(path, raw).surface.m == len(F)
+        assert words == [] or site in ("town", "land")
+        return
+    assert f"has steps of {expected[site]:g} here" in words[0]
+    assert words[0].endswith("export it near the origin")
+    sentence = rf"[xy] has steps of {expected[site]:g} m here \(.*\), an edge has .* m: export"
+    with pytest.raises(SurfaceError, match=sentence):
+        surface_of_file(path, raw)
+    assert describe(path).faces == len(F)
+
+
+def test_a_file_of_round_numbers_near_the_origin_has_no_steps():
+    for surface in (grid(8, 8, 8.0, 8.0), plate(edge=0.5)):
+        assert number_steps(surface.V, surface.F).share == 0.0
+    assert number_steps(grid(8, 8, 8.0, 8.0).V + [2.6e6, 1.2e6, 0.1], grid(8, 8, 8.0, 8.0).F).share < COARSE_STEP
+
+
+def test_numbers_too_large_for_any_unit_are_refused_in_one_sentence(tmp_path):
+    path = tmp_path / "huge.obj"
+    path.write_text("".join("v {} {} {}\n".format(*p) for p in 1e160 * SQUARE) + "f 1 2 3 4\n")
+    with pytest.raises(SurfaceError, match=r"has coordinates up to 1e\+160, which no unit makes a building"):
+        read_surface(path, mend=True)
+
+
+def test_closed_parts_with_one_common_corner_stay_as_they_are():
+    """Two tetrahedra with one common vertex have no border that a face could join."""
+    V = np.vstack([np.zeros(3), np.eye(3), -np.eye(3)])
+    F = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3], [0, 4, 5], [0, 6, 4], [0, 5, 6], [4, 6, 5]])
+    mesh = mended_mesh(V, F)
+    assert mesh.repairs == ()
+    assert len(mesh.F) == 8
+    with pytest.raises(SurfaceError, match=r"closed parts touch in a point \(first: vertex 0\); join them along edges"):
+        oriented_surface(mesh.V, mesh.F)
+
+
+def beside(division):
+    """Two plates of 4 x 4 m side by side; the first has another division along the seam."""
+    return joined(grid(4, division, 4.0, 4.0), Surface(grid(4, 4, 4.0, 4.0).V + [4, 0, 0], grid(4, 4, 4.0, 4.0).F))
+
+
+VAULT, QUADS = vault()
+SADDLE = lifted(lambda x, y: 0.2 * x * y)
+ROOF = dome(edge=0.9)
+ZOO = {
+    "both diagonals": (SQUARE, BOTH_DIAGONALS),
+    "quads twice": (VAULT, np.vstack([halves(QUADS), halves(QUADS[::3], other=True)])),
+    "soup": (ROOF.V[ROOF.F.ravel()], np.arange(3 * ROOF.m).reshape(-1, 3)),
+} | {
+    name: (surface.V, surface.F)
+    for name, surface in {
+        "copy": joined(SADDLE, SADDLE),
+        "slab": stacked(grid(6, 4, 3.0, 2.0), 0.1),
+        "seam": beside(4),
+        "other seam": beside(3),
+        "dome": ROOF,
+        "tube": tube(12, 4),
+    }.items()
+}
+
+
+def turn(angle):
+    """A rotation about the axis (1, 2, 3)."""
+    k = np.array([1.0, 2.0, 3.0]) / np.sqrt(14)
+    K = np.array([[0, -k[2], k[1]], [k[2], 0, -k[0]], [-k[1], k[0], 0]])
+    return np.eye(3) + np.sin(angle) * K + (1 - np.cos(angle)) * K @ K
+
+
+@pytest.mark.parametrize("name", ZOO)
+def test_reading_depends_on_no_unit_place_turn_or_order(name):
+    """The same area, pieces and boundary lengths, to 1e-9 relative; to 1e-6 after a move by 1e7."""
+    V, F = ZOO[name]
+    rng = np.random.default_rng(3)
+    shuffle, renumber = rng.permutation(len(F)), rng.permutation(len(V))
+    order = np.argsort(renumber)
+    rolled = np.stack([np.roll(f, k) for f, k in zip(order[F[shuffle]], rng.integers(3, size=len(F)), strict=True)])
+    last_bits = np.nextafter(V, V + rng.choice([-1.0, 1.0], V.shape))
+    cases = [(scale * V, F, scale, 1e-9) for scale in (1000.0, 39.37, 1e-3)]
+    cases += [(V @ turn(0.7).T, F, 1.0, 1e-9), (V[renumber], rolled, 1.0, 1e-9), (last_bits, F, 1.0, 1e-9)]
+    cases += [(V + [1e7, -2e6, 300.0], F, 1.0, 1e-6), (V[:, [1, 0, 2]] * [1, -1, 1], F, 1.0, 1e-9)]
+    expected = facts(mended_mesh(V, F))
+    for moved, faces, scale, precision in cases:
+        measured = facts(mended_mesh(moved, faces))
+        assert measured[0] / scale**2 == pytest.approx(expected[0], rel=precision)
+        assert measured[1] == expected[1]
+        assert measured[2] == pytest.approx(expected[2], rel=precision)
