@@ -74,6 +74,12 @@ class Factor:
         """The matrix `inner` as a linear map, without storing it."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
+    def displacements(self, forces: Floats) -> Floats:
+        """Return K^-1 F (u, k) for forces F (u, k), without refinement; 0 for unknowns that do not move."""
+        x, scale = np.zeros(forces.shape), self.scale[:, None]
+        x[self.free] = scale * self.solve(scale * forces[self.free])
+        return x
+
     @cached_property
     def inner(self) -> csr_array:
         """Stiffness (N, N) of the free unknowns with a unit diagonal."""
