@@ -2,8 +2,8 @@
 
 from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -153,7 +153,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
-            rows = _StockTrials.from_design(design, stock, progress)
+            rows = _stock_trials(design, stock, progress)
         except (PatternError, StaticsError):
             if changes == ladder[-1] and not trials:
                 raise
@@ -224,47 +224,43 @@ def _changes(design: Design) -> list[dict[str, Any]]:
 
 @dataclass
 class _StockTrials:
-    """Trials of each thickness of a stock on one cut sheet. The utilisation takes longest; `judged` computes it."""
+    """Trials of each thickness of a stock on one cut sheet; `judged` computes the utilisation, which takes longest."""
 
     design: Design
     basis: ThicknessBasis
-    trials: list[SizingTrial]
-
-    @classmethod
-    def from_design(cls, design: Design, stock: Sequence[float], progress: Progress) -> Self:
-        """Return trials without utilisation. Raises StaticsError if the cut sheet does not stand."""
-        progress("sizing", f"solving the cut sheet for {len(stock)} thicknesses")
-        loads = cut_loads(design, design.preset.statics.thickness)
-        model = design.preset.statics.sheet().model_for(design.sheet.surface)
-        cases = design.preset.judged_in("ULS", loads)
-        trials = cls(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases), [])
-        for t in stock:
-            outcome, factors = use_and_movement(trials._statics(t), use=False), trials.basis.buckling_factors(t)
-            trial = _trial(design, replace(outcome, buckling=min(factors[name] for name in cases)))
-            rest = {name: value for name, value in trial.excess.items() if name != "utilisation"}
-            trials.trials.append(replace(trial, utilisation=None, excess=rest))
-        return trials
+    trials: list[SizingTrial] = field(default_factory=list)
 
     def judged(self, k: int) -> SizingTrial:
         """Return the trial of thickness k with its utilisation."""
         row = self.trials[k]
         if row.utilisation is None:
-            outcome = use_and_movement(self._statics(row.thickness))
+            outcome = use_and_movement(self.statics(row.thickness))
             self.trials[k] = _trial(self.design, replace(outcome, buckling=row.buckling))
         return self.trials[k]
 
     def thinnest(self) -> int:
-        """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one.
-        The next thinner sheet is judged, too."""
+        """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one."""
         count = len(self.trials)
         first = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
-        k = bisect_left(range(count), True, lo=first, key=lambda k: self.judged(k).worst <= 1)
-        if k:
-            self.judged(k - 1)
-        return k
+        return bisect_left(range(count), True, lo=first, key=lambda k: self.judged(k).worst <= 1)
 
-    def _statics(self, t: float) -> CutStatics:
+    def statics(self, t: float) -> CutStatics:
         return CutStatics(self.design, t, self.basis.loads_at(t), self.basis.answers(t))
+
+
+def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> _StockTrials:
+    """Return trials of each thickness without utilisation. Raises StaticsError if the cut sheet does not stand."""
+    progress("sizing", f"solving the cut sheet for {len(stock)} thicknesses")
+    loads = cut_loads(design, design.preset.statics.thickness)
+    model = design.preset.statics.sheet().model_for(design.sheet.surface)
+    cases = design.preset.judged_in("ULS", loads)
+    rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases))
+    for t in stock:
+        outcome, factors = use_and_movement(rows.statics(t), use=False), rows.basis.buckling_factors(t)
+        trial = _trial(design, replace(outcome, buckling=min(factors[name] for name in cases)))
+        excess = {name: value for name, value in trial.excess.items() if name != "utilisation"}
+        rows.trials.append(replace(trial, utilisation=None, excess=excess))
+    return rows
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:
