@@ -19,9 +19,9 @@ def size(
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
-    It cuts the design and solves the cut sheet at three thicknesses, which give the figures of all others. The
-    result is cut and solved once more with its own thickness. If no thickness suffices, the pattern gets more material,
-    then closer members. Exit code 5 means that nothing suffices.
+    It cuts the design and solves the cut sheet at two thicknesses, which give the figures of all others. Members are
+    checked only where the choice depends on it. The result is cut and solved once more with its own thickness. If no
+    thickness suffices, the pattern gets more material, then closer members. Exit code 5 means that nothing suffices.
 
     Parameters
     ----------

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import partial
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -62,7 +62,7 @@ class ScaledStiffness:
 @dataclass(frozen=True, eq=False)
 class Factor:
     """A factorised stiffness. K : the stiffness of all unknowns. free : (N,) the unknowns that move.
-    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> inner^-1 b."""
+    scale : (N,) 1 / square root of the diagonal of K at `free`. solve : the function b -> map^-1 b."""
 
     K: csr_array
     free: Ints
@@ -71,13 +71,14 @@ class Factor:
 
     @property
     def map(self) -> ScaledStiffness:
-        """The matrix `inner` as a linear map, without storing it."""
+        """Stiffness (N, N) of the free unknowns with a unit diagonal, as a linear map."""
         return ScaledStiffness(self.K, self.free, self.scale)
 
-    @cached_property
-    def inner(self) -> csr_array:
-        """Stiffness (N, N) of the free unknowns with a unit diagonal."""
-        return _restriction(self.K, self.free, self.scale)
+    def displacements(self, forces: Floats) -> Floats:
+        """Return K^-1 F (u, k) for forces F (u, k), without refinement; 0 for unknowns that do not move."""
+        x, scale = np.zeros(forces.shape), self.scale[:, None]
+        x[self.free] = scale * self.solve(scale * forces[self.free])
+        return x
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:

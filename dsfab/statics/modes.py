@@ -17,6 +17,8 @@ from dsfab.statics.factorisation import (
     Factor,
     FactorCache,
     FactorFunction,
+    LinearMap,
+    ScaledStiffness,
     refined_solution,
     stiffness_factor,
 )
@@ -307,32 +309,34 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False for vectors that only span a basis, which may be off by rounding.
+    are_results : False for vectors that only span a basis, which may have the residual `MODE_RESIDUAL`. More exact
+                  ones take twice the time, and beside needles they are rounding errors.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
         raise StaticsError(f"the sheet has {N} unknowns, so {count} modes are impossible; request 1 to {N - 1} modes")
-    inner = csr_array(A[factor.free][:, factor.free])
-    inner = csr_array(inner.multiply(factor.scale[:, None]).multiply(factor.scale[None, :]))
-    solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)
+    scaled = ScaledStiffness(A, factor.free, factor.scale)
+    products = scaled.__matmul__, factor.map.__matmul__, factor.solve
+    operator, M, Minv = (LinearOperator((N, N), matvec=product, dtype=np.float64) for product in products)
     start = np.random.default_rng(0).standard_normal(N)  # a fixed seed gives repeatable numbers
+    tolerance = 1e-10 if are_results else MODE_RESIDUAL
     try:
         # a few restarts suffice for clearly compressed sheets
-        mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
+        mu, x = eigsh(operator, count, M=M, Minv=Minv, which="LA", v0=start, maxiter=500, tol=tolerance)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
     is_mode = mu > 1e-10 * np.abs(mu).max()  # smaller values are rounding errors
     mu, x = mu[is_mode], x[:, is_mode]
     if are_results and len(mu):
-        mu, x = _accurate_eigenpairs(inner, factor, mu, x)
+        mu, x = _accurate_eigenpairs(scaled, factor, mu, x)
     order = np.argsort(-mu)
     full = np.zeros((len(mu), A.shape[0]))
     full[:, factor.free] = (factor.scale[:, None] * x[:, order]).T
     return mu[order], full
 
 
-def _accurate_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats]:
-    defects = A @ x - mu * (factor.inner @ x)
+def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats]:
+    defects = A @ x - mu * (factor.map @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", defects, np.stack([factor.solve(c) for c in defects.T], axis=1)).clip(0))
     if not (residual <= MODE_RESIDUAL * mu).all():
         mu, x, residual = _refined_eigenpairs(A, factor, mu, x)
@@ -341,7 +345,7 @@ def _accurate_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) ->
     return mu, x
 
 
-def _refined_eigenpairs(A: csr_array, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
+def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
     """Return eigenvalues (k,), vectors, and the last change of each eigenvalue, by the method of Davidson [1975].
     Its solutions are refined. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu
     and hides the residual of even an exact vector. Eigenvalues still converge: their error is the vector's, squared."""

@@ -1,10 +1,11 @@
 """Answers and buckling factors of a sheet at every thickness, from solves at a few thicknesses.
 
 The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1,
-because only the weight of the sheet grows. So the answers at a few thicknesses are a basis for all others: a reduced
-basis [Noor and Peters 1980]. Buckling modes of the thinnest and the thickest sheet are a second basis. Its load factors
-are never below those of the whole sheet [Rayleigh-Ritz]. On cut vaults with 16 times between the thicknesses, four
-solves give displacements within 0.4 %, and buckling factors within 0.5 %."""
+because only the weight of the sheet grows. So the answers at two thicknesses, and their derivatives by t, are a basis
+for all others: a reduced basis [Noor and Peters 1980]. Derivatives need no further factorisation: the vectors are
+(K^-1 dK/dt)^j K^-1 f [Grimme 1997]. Buckling modes and their derivatives are a second basis. Its load factors are never
+below those of the whole sheet [Rayleigh-Ritz]. On cut vaults with 9 times between the thicknesses, displacements are
+within 0.1 %, and stresses and buckling factors within 0.6 %."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -20,16 +21,20 @@ from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import bending_stiffness
 from dsfab.statics.boundary_conditions import with_springs
 from dsfab.statics.elements import Elements, elements_of, needle_message
-from dsfab.statics.factorisation import FactorCache
+from dsfab.statics.factorisation import Factor, FactorCache
 from dsfab.statics.membrane import membrane_stiffness
 from dsfab.statics.model import SheetModel
 from dsfab.statics.modes import geometric_products, geometric_stiffness, largest_eigenpairs, mode_supports
-from dsfab.statics.solve import Equilibrium, equilibrium_of_unknowns, flat_axis, held_unknowns, solution
+from dsfab.statics.solve import Equilibrium, equilibrium_of_unknowns, flat_axis, held_unknowns
 from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 
 INDEPENDENT = 1e-10
 """Least share of a basis vector that the vectors before it do not contain; a smaller share is rounding."""
+SAMPLES = (0.15, 0.85)
+"""Places of the solved thicknesses between the thinnest and the thickest sheet, on a logarithmic scale. Two solves at
+the ends would give buckling factors that are 1 % off in the middle."""
+DERIVATIVES = 3  # of answers at each solved thickness; with two, a cut canopy moves 0.9 % less than by a full solve
 MODES = 3  # modes of each case in the basis: thinner and thicker sheets may have their lowest modes in another order
 CASES = 3  # cases with modes in the basis: the most compressed; their modes serve for the other cases
 
@@ -64,6 +69,14 @@ class ThicknessStiffness:
     def product(self, thickness: float, x: Floats) -> Floats:
         """Return K x (u, k), without springs, for x (u, k)."""
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
+
+    def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
+        """Return x (u, k) and `count` derivatives, up to smaller ones: K^-1 dK/dt of each. factor : of K."""
+        vectors = [x]
+        for _ in range(count):
+            forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
+            vectors.append(factor.displacements(forces))
+        return vectors
 
     def projection(self, basis: Floats) -> Floats:
         """Return A, B and the springs between the vectors of a basis (u, b): (3, b, b)."""
@@ -106,28 +119,24 @@ class ThicknessBasis:
 
     @classmethod
     def from_sheet(
-        cls,
-        sheet: SheetModel,
-        loads: Mapping[str, LoadCase],
-        thicknesses: Sequence[float],
-        buckling: Sequence[str] = (),
+        cls, sheet: SheetModel, loads: Mapping[str, LoadCase], span: tuple[float, float], buckling: Sequence[str] = ()
     ) -> Self:
-        """Return the basis from one factorisation at each of the thicknesses (m), ascending; there it is exact.
+        """Return the basis for the thicknesses (m) from span[0] to span[1], from a factorisation at each of `SAMPLES`.
         buckling : names of the loads whose buckling factors are wanted.
         Raises StaticsError as `solve_statics`. For needles, other elements are used as in `solve_for`."""
         try:
-            return cls._by_elements(sheet, loads, thicknesses, buckling, elements_of("displacement"))
+            return cls._by_elements(sheet, loads, span, buckling, elements_of("displacement"))
         except StaticsError:
             if not needle_message(sheet.surface):
                 raise
-            return cls._by_elements(sheet, loads, thicknesses, buckling, elements_of("needles"))
+            return cls._by_elements(sheet, loads, span, buckling, elements_of("needles"))
 
     @classmethod
     def _by_elements(
         cls,
         sheet: SheetModel,
         loads: Mapping[str, LoadCase],
-        thicknesses: Sequence[float],
+        span: tuple[float, float],
         buckling: Sequence[str],
         elements: Elements,
     ) -> Self:
@@ -141,14 +150,20 @@ class ThicknessBasis:
         constant, per_metre = _linear_loads(sheet, [*loads.values()], len(stiffness.is_held))
         directions = _independent_columns(np.where(stiffness.is_held[:, None], 0.0, np.hstack([constant, per_metre])))
         cases, answers, modes = [[*loads].index(name) for name in buckling], list[Floats](), list[Floats]()
-        for thickness in thicknesses:
-            cache, K = FactorCache(), stiffness.matrix(thickness)
-            answers.append(solution(surface, K, directions, stiffness.is_held, cache)[0])
-            if cases and thickness in (thicknesses[0], thicknesses[-1]):
+        low, high = np.log(span)
+        for thickness in np.unique(np.exp(low + np.array(SAMPLES) * (high - low))):
+            factor_of = FactorCache()
+            factor = factor_of(surface, stiffness.matrix(thickness), stiffness.is_held)
+            x = factor.displacements(directions)
+            answers += stiffness.with_derivatives(thickness, factor, x, DERIVATIVES)
+            if cases:
                 forces = (constant + thickness * per_metre)[:, cases]
-                x = answers[-1] @ (directions.T @ forces)
-                modes += _buckling_modes(across, thickness * _resultants(sheet, stiffness, x), thickness, cache)
-        middle = float(np.sqrt(thicknesses[0] * thicknesses[-1]))
+                resultants = thickness * _resultants(sheet, stiffness, x @ (directions.T @ forces))
+                if across is not stiffness:
+                    factor = factor_of(surface, across.matrix(thickness), across.is_held)
+                for lowest in _buckling_modes(across, resultants, factor):
+                    modes += across.with_derivatives(thickness, factor, lowest, 1)
+        middle = float(np.sqrt(span[0] * span[1]))
         vectors = stiffness.basis(np.hstack(answers), middle)
         shapes = across.basis(np.hstack(modes), middle) if modes else np.zeros((len(across.is_held), 0))
         geometric = -geometric_products(surface, _resultants(sheet, stiffness, vectors), across.elements, shapes)
@@ -206,9 +221,7 @@ def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> 
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
 
 
-def _buckling_modes(
-    across: ThicknessStiffness, resultants: Floats, thickness: float, factor_of: FactorCache
-) -> list[Floats]:
+def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Factor) -> list[Floats]:
     """Return the lowest modes (u, s) under the most compressed of membrane forces (k, m, 3, 3), N/m."""
     surface, modes = across.surface, list[Floats]()
     compression = [-np.linalg.eigvalsh(N)[:, 0].clip(max=0) @ surface.areas for N in resultants]
@@ -216,6 +229,5 @@ def _buckling_modes(
         if compression[k] > 1e-9 * np.linalg.norm(resultants[k], axis=(1, 2)) @ surface.areas:
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
             with suppress(StaticsError):  # barely compressed
-                factor = factor_of(surface, across.matrix(thickness), across.is_held)
                 modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes

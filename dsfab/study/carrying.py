@@ -136,7 +136,7 @@ class Carrying:
 class CutStatics:
     """The cut sheet of a design with a thickness (m), its loads and answers by case and combination.
     answers : by any elements that reports use, for instance from a basis of other thicknesses.
-    stiffness, factor_of : K of the answers' elements without springs, and its factor, if the caller has them."""
+    stiffness, factor_of : K of the elements for buckling, without springs, and its factor, if they are known."""
 
     design: Design
     thickness: float
@@ -197,41 +197,41 @@ def cut_statics(design: Design, thickness: float) -> CutStatics:
     Raises StaticsError if the sheet does not stand, or if it lost a load."""
     loads = cut_loads(design, thickness)
     unsolved = CutStatics(design, thickness, loads, {})
-    elements = elements_of("displacement")
+    is_plane = flat_axis(design.sheet.surface, *loads.values()) is not None
+    pairs = [elements_of(use).in_plane if is_plane else elements_of(use) for use in ("displacement", "needles")]
+    K = sheet_stiffness(unsolved.model, pairs[0])
+    unsolved = replace(unsolved, stiffness=K if pairs[0] == elements_of("buckling") else None)
     try:
-        return _solve(unsolved, elements)
+        return _solve(unsolved, K, pairs[0], unsolved.factor_of)
     except StaticsError:
         if not needle_message(design.sheet.surface):
             raise
-        return _solve(unsolved, elements_of("needles"))
+        return _solve(unsolved, sheet_stiffness(unsolved.model, pairs[1]), pairs[1], FactorCache())
 
 
-def _solve(statics: CutStatics, elements: Elements) -> CutStatics:
-    model, loads = statics.model, statics.loads
-    if flat_axis(model.surface, *loads.values()) is not None:
-        elements = elements.in_plane
-    K = sheet_stiffness(model, elements)
-    factors = _factors(statics.design)
+def _solve(statics: CutStatics, K: csr_array, elements: Elements, factor_of: FactorCache) -> CutStatics:
+    model, loads, factors = statics.model, statics.loads, _factors(statics.design)
     single = [name for name in loads if name not in factors]
     acting = [model.with_clamped_edges(loads[name]) for name in single]
     sums = [[factors[name].get(case, 0.0) for case in single] for name in factors]
-    answers = equilibria(model.surface, K, acting, elements, None, sums, statics.factor_of)
-    return replace(statics, answers=dict(zip((*single, *factors), answers, strict=True)), stiffness=K)
+    answers = equilibria(model.surface, K, acting, elements, None, sums, factor_of)
+    return replace(statics, answers=dict(zip((*single, *factors), answers, strict=True)))
 
 
 def _factors(design: Design) -> dict[str, Mapping[str, float]]:
     return {name: case.factors for name, case in design.statics.cases.items() if case.factors is not None}
 
 
-def use_and_movement(statics: CutStatics) -> Carrying:
+def use_and_movement(statics: CutStatics, use: bool = True) -> Carrying:
     """Return the verdict on a solved cut sheet with its mass, movement and most used member alone, without faults.
+    use : False to leave the most used member out, which takes longest.
     The most used member is that of the Eurocode for the material; without one, or without a member between two nodes,
     it is the von Mises stress over the strength that 99 % of the area does not exceed."""
     moved, mass = _movement(statics), _mass(statics.design, statics.thickness)
     if not statics.preset.statics.strength:
         return Carrying(statics.thickness, mass, None, moved, remarks=(NO_STRENGTH,))
-    use, remarks = _most_used(statics)
-    return Carrying(statics.thickness, mass, use, moved, remarks=remarks)
+    member, remarks = _most_used(statics) if use else (None, ())
+    return Carrying(statics.thickness, mass, member, moved, remarks=remarks)
 
 
 def cut_carrying(statics: CutStatics) -> Carrying:
@@ -351,9 +351,10 @@ def _buckling(statics: CutStatics) -> tuple[float | None, str, tuple[str, ...]]:
         if standing.told:
             remarks[f"buckling: {standing.told}"] = None
         elements = elements_of("buckling")
-        K = statics.stiffness if answer.elements == elements else None
         try:
-            factor, clause = lowest_buckling(model, standing.load, answer, elements, K, statics.factor_of)
+            factor, clause = lowest_buckling(
+                model, standing.load, answer, elements, statics.stiffness, statics.factor_of
+            )
         except StaticsError as error:
             remarks[f"no factor of buckling: {error}"] = None
             continue

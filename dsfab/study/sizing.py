@@ -1,7 +1,8 @@
 """Sizing: the thinnest sheet of the stock with which the cut structure meets the targets of [sizing]."""
 
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,8 +19,7 @@ from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_
 from dsfab.study.fabrication import spacing_changes
 
 REACH = 3.0
-"""Largest ratio of a tried thickness to the first guess, up and down; solves at three thicknesses then suffice."""
-SOLVES = 3
+"""Largest ratio of a tried thickness to the first guess, up and down; solves at two thicknesses then suffice."""
 OWN_CUTS = 2
 """Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner."""
 SERIES = 1.15
@@ -34,12 +34,13 @@ CLOSER = 0.75
 class SizingTrial:
     """A tried thickness (m), and figures of the cut sheet as in `Carrying`.
     share    : of the surface that is material.        movement : over the span.        buckling : inf without one.
+    utilisation : None where the choice of the thickness does not depend on it.
     excess   : by target, the figure over its limit, or the limit over the figure; at most 1 meets the target.
     is_final : true if the design was cut with this thickness, not judged on the cut of another one."""
 
     thickness: float
     share: float
-    utilisation: float
+    utilisation: float | None
     movement: float
     buckling: float
     mass: float
@@ -57,10 +58,10 @@ class SizingTrial:
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
         buckling = f"{self.buckling:.3g}" if np.isfinite(self.buckling) else "-"
-        remark = f"misses {missed}" if missed else "meets all"
+        remark = f"misses {missed}" if missed else "meets all" if self.utilisation else ""
         final = ", cut with it" if self.is_final else ""
-        figures = (f"{self.share:.0%}", f"{self.utilisation:.0%}", moved, buckling, mass(self.mass))
-        return (length(self.thickness), *figures, remark + final)
+        use = "-" if self.utilisation is None else f"{self.utilisation:.0%}"
+        return (length(self.thickness), f"{self.share:.0%}", use, moved, buckling, mass(self.mass), remark + final)
 
 
 @dataclass(frozen=True)
@@ -137,7 +138,7 @@ def guessed_preset(preset: Preset) -> Preset:
 def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     """Return the design with the thinnest sheet that meets the targets of [sizing], up to slicing.
 
-    The cut sheet of a first guess is solved at three thicknesses; these give the figures of the whole stock. The design
+    The cut sheet of a first guess is solved at two thicknesses; these give the figures of the whole stock. The design
     is then cut with the thinnest that meets the targets, and solved again. If it misses a target, the next thickness
     follows; if it would meet them thinner, the thinner one. If no thickness suffices, the pattern gets more material,
     then also closer members. If still none does, the best of the trials is returned. `sizing_result` has the trials.
@@ -152,16 +153,17 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         changed = with_overrides(preset, changes)
         design = Design.from_preset(changed.with_thickness(thickness), design, progress)
         try:
-            rows = list(_stock_trials(design, stock, progress))
+            rows = _stock_trials(design, stock, progress)
         except (PatternError, StaticsError):
             if changes == ladder[-1] and not trials:
                 raise
             continue
         cuts, chosen = _own_cuts(design, changed, rows, progress)
-        trials += [*rows, *cuts]
         if chosen:
-            return _with_result(chosen, SizingResult(tuple(trials), source, changes))
-        candidates += [(row, changed.with_thickness(row.thickness)) for row in rows]
+            return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
+        judged = [rows.judged(k) for k in range(len(stock))]
+        trials += [*judged, *cuts]
+        candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
     row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
     design = Design.from_preset(nearest, design, progress)
     trials.append(_trial(design, carrying(design), row))
@@ -169,23 +171,24 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
 
 
 def _own_cuts(
-    design: Design, preset: Preset, rows: Sequence[SizingTrial], progress: Progress
+    design: Design, preset: Preset, rows: "_StockTrials", progress: Progress
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
     trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
     trials, chosen = list[SizingTrial](), None
-    k = next((k for k, row in enumerate(rows) if row.worst <= 1), len(rows))
-    while 0 <= k < len(rows) and len(trials) < OWN_CUTS:
-        design = Design.from_preset(preset.with_thickness(rows[k].thickness), design, progress)
-        trial = _trial(design, carrying(design), rows[k])
+    k, count = rows.thinnest(), len(rows.trials)
+    while 0 <= k < count and len(trials) < OWN_CUTS:
+        row = rows.judged(k)
+        design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
+        trial = _trial(design, carrying(design), row)
         if trial.worst > 1:
             trials.insert(0, trial)
-            k = len(rows) if chosen else k + 1
+            k = count if chosen else k + 1
             continue
         trials, chosen = [*trials, trial], design
-        ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in rows[k].excess.items()}
+        ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in row.excess.items()}
         k -= 1
-        if k >= 0 and max(rows[k].excess[name] * ratio for name, ratio in ratios.items()) > 1:
+        if k >= 0 and max(rows.judged(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
             break
     return trials, chosen
 
@@ -219,20 +222,45 @@ def _changes(design: Design) -> list[dict[str, Any]]:
     return [{}, *([wider] if wider else []), wider | spacing_changes(design, CLOSER)]
 
 
-def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> Iterator[SizingTrial]:
-    """Yield a trial of each thickness on the cut sheet of a design.
-    Raises StaticsError if the cut sheet does not stand."""
-    thickness = design.preset.statics.thickness
-    loads = cut_loads(design, thickness)
-    solved = sorted({min(stock, key=lambda t: abs(np.log(t / x))) for x in np.geomspace(stock[0], stock[-1], SOLVES)})
-    progress("sizing", f"solving the cut sheet at {len(solved)} of {len(stock)} thicknesses")
+@dataclass
+class _StockTrials:
+    """Trials of each thickness of a stock on one cut sheet; `judged` computes the utilisation, which takes longest."""
+
+    design: Design
+    basis: ThicknessBasis
+    trials: list[SizingTrial] = field(default_factory=list)
+
+    def judged(self, k: int) -> SizingTrial:
+        """Return the trial of thickness k with its utilisation."""
+        row = self.trials[k]
+        if row.utilisation is None:
+            outcome = use_and_movement(self.statics(row.thickness))
+            self.trials[k] = _trial(self.design, replace(outcome, buckling=row.buckling))
+        return self.trials[k]
+
+    def thinnest(self) -> int:
+        """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one."""
+        count = len(self.trials)
+        first = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
+        return bisect_left(range(count), True, lo=first, key=lambda k: self.judged(k).worst <= 1)
+
+    def statics(self, t: float) -> CutStatics:
+        return CutStatics(self.design, t, self.basis.loads_at(t), self.basis.answers(t))
+
+
+def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) -> _StockTrials:
+    """Return trials of each thickness without utilisation. Raises StaticsError if the cut sheet does not stand."""
+    progress("sizing", f"solving the cut sheet for {len(stock)} thicknesses")
+    loads = cut_loads(design, design.preset.statics.thickness)
     model = design.preset.statics.sheet().model_for(design.sheet.surface)
-    judged = design.preset.judged_in("ULS", loads)
-    basis = ThicknessBasis.from_sheet(model, loads, solved, judged)
+    cases = design.preset.judged_in("ULS", loads)
+    rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases))
     for t in stock:
-        outcome = use_and_movement(CutStatics(design, t, basis.loads_at(t), basis.answers(t)))
-        factors = basis.buckling_factors(t)
-        yield _trial(design, replace(outcome, buckling=min(factors[name] for name in judged)))
+        outcome, factors = use_and_movement(rows.statics(t), use=False), rows.basis.buckling_factors(t)
+        trial = _trial(design, replace(outcome, buckling=min(factors[name] for name in cases)))
+        excess = {name: value for name, value in trial.excess.items() if name != "utilisation"}
+        rows.trials.append(replace(trial, utilisation=None, excess=excess))
+    return rows
 
 
 def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) -> SizingTrial:

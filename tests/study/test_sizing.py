@@ -77,10 +77,13 @@ def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted)
     design, _ = counted
     first = Design.from_preset(guessed_preset(vault()), design)
     rows = {trial.thickness: trial for trial in sizing_result(design).trials if not trial.is_final}
-    for thickness in (0.08, 0.24):
+    near = max(t for t, row in rows.items() if row.utilisation)
+    for thickness in (0.08, near, 0.24):
         judged, row = cut_carrying(cut_statics(first, thickness)), rows[thickness]
-        figures = judged.use.value, judged.movement.share, judged.buckling, judged.mass
-        np.testing.assert_allclose([row.utilisation, row.movement, row.buckling, row.mass], figures, rtol=0.03)
+        figures = judged.movement.share, judged.buckling, judged.mass
+        np.testing.assert_allclose([row.movement, row.buckling, row.mass], figures, rtol=0.006)
+        if row.utilisation:
+            np.testing.assert_allclose(row.utilisation, judged.use.value, rtol=0.006)
 
 
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
