@@ -48,8 +48,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
     """Return tensors and modes of both families: stage 3."""
     options = preset.diffusion
-    if log.progress:
-        log.progress("diffusion", f"computing {options.modes} modes of both families")
+    log.report("diffusion", f"computing {options.modes} modes of both families")
     with log.row("diffusion"):
         symmetry, tensors = _tensors(preset, surface, statics)
         operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]

@@ -38,11 +38,14 @@ class Log:
     """Record of the surface file, if the surface is in a file."""
     clock: Callable[[], float] = time.perf_counter
 
+    def report(self, stage: str, doing: str) -> None:
+        if self.progress:
+            self.progress(stage, doing)
+
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
         """Report that a stage begins, and record its seconds."""
-        if self.progress:
-            self.progress(name, doing)
+        self.report(name, doing)
         start = self.clock()
         yield
         self.seconds[name] = self.clock() - start

@@ -64,8 +64,7 @@ def stressed_candidates(
         if not stiffest:
             continue
         words = stiffest.attempt.name.partition(",")[0]
-        if log.progress:
-            log.progress("pattern", f"trying {words}, stressed: cutting and solving")
+        log.report("pattern", f"trying {words}, stressed: cutting and solving")
         width = preset.pattern.width.model_copy(update={"rule": "stressed"})
         variant_preset = stiffest.preset.with_pattern(width=width)
         scratch, choice = replace(log, notes=[]), stiffest.choice
@@ -89,8 +88,7 @@ def optimal_force_candidates(
     if not follows_membrane(preset, analysis.surface, analysis.statics):
         return
     words = f"{stiffest.attempt.name.partition(',')[0]} along optimal forces"
-    if log.progress:
-        log.progress("pattern", f"trying {words}: cutting and solving")
+    log.report("pattern", f"trying {words}: cutting and solving")
     width = options.width.model_copy(update={"rule": "stressed"})
     variant_preset, scratch = stiffest.preset.with_pattern(width=width, forces="optimal"), replace(log, notes=[])
     try:
@@ -114,8 +112,7 @@ def respaced_candidates(
         spaced, distances = _respaced_families(stiffest.preset, analysis.surface, factor)
         for halve in (True, False) if spaced and preset.pattern.may_halve else (False,) * bool(spaced):
             words = f"{'halved ' * halve}stripes {distances} m apart{tail}"
-            if log.progress:
-                log.progress("pattern", f"trying {words}: cutting and solving")
+            log.report("pattern", f"trying {words}: cutting and solving")
             variant_preset = stiffest.preset.with_pattern(**spaced, halve=halve)
             try:
                 even = even_stripes(variant_preset, analysis.surface, analysis.statics)
@@ -224,8 +221,7 @@ def method_candidates(
         variant_preset = variant_preset.with_pattern(forces="uncut")  # modes need the uncut sheet's forces
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
         variant_preset = variant_preset.with_pattern(tidy=True)  # modes leave loose ends
-    if log.progress:
-        log.progress("pattern", f"trying {title}: cutting and solving")
+    log.report("pattern", f"trying {title}: cutting and solving")
     scratch = replace(log, notes=[])
     try:
         even = even_stripes(variant_preset, analysis.surface, analysis.statics) if method == "stripes" else None

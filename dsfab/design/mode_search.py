@@ -191,8 +191,7 @@ def _steps(trial: "StressedTrial", log: Log) -> list[WidthStep]:
     with log.row("widths"):
         grading = trial.start
         for number in range(trial.preset.pattern.width.steps):
-            if log.progress:
-                log.progress("pattern", f"width rule stressed, step {number + 1}: cutting and solving")
+            log.report("pattern", f"width rule stressed, step {number + 1}: cutting and solving")
             try:
                 steps.append(trial.step(grading))
             except DsfabError as error:
@@ -280,9 +279,9 @@ def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:
             _search_rounds(preset, len(analysis.diffusion.major.lam), candidates)
         ):
             untried = [numbers for numbers in dict.fromkeys(numbers_of_round) if numbers not in candidates]
-            if log.progress and untried:
+            if untried:
                 message = f"choosing modes and phases, round {number + 1}: cutting and solving {len(untried)}"
-                log.progress("pattern", message)
+                log.report("pattern", message)
             candidates.update({numbers: trial.candidate(*numbers) for numbers in untried})
     ranked = tuple(sorted(candidates.values(), key=_rank))
     refused = sum(bool(candidate.refused) for candidate in ranked)

@@ -27,8 +27,7 @@ from dsfab.surface import LoadParts, Surface
 
 def stripes_under_own_weight(preset: Preset, analysis: StressedSurface, log: Log) -> EvenStripes:
     """Return even stripes after the rounds of weight in [pattern]. Raises PatternError as `even_stripes`."""
-    if log.progress:
-        log.progress("pattern", "finding evenly spaced stripes along the stress")
+    log.report("pattern", "finding evenly spaced stripes along the stress")
     surface, statics = analysis.surface, analysis.statics
     even = even_stripes(preset.with_pattern(weight_rounds=0), surface, statics)
     rounds = preset.pattern.rounds
@@ -161,7 +160,7 @@ def pattern_stage(preset: Preset, analysis: StressedSurface, log: Log, chosen: C
         draw = partial(_requested_method, analysis=analysis, log=Log(None), earlier=None)
         candidate = replace(candidate, drawn=pattern, notes=tuple(log.notes[before:]))
         with log.row("method"):
-            candidate = uncrowded_candidate(candidate, analysis, draw, log.progress or (lambda *_: None))
+            candidate = uncrowded_candidate(candidate, analysis, draw, log.report)
         pattern, log.notes[before:] = candidate.drawn or pattern, candidate.notes
     draft = DesignDraft(candidate.preset, analysis.surface, analysis.statics, analysis.diffusion, pattern)
     if message := one_family_message(roles_of_families(draft), candidate.preset.pattern.families):

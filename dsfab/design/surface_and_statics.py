@@ -64,8 +64,7 @@ class SolvedSheet:
 def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
     """Solve the sheet of [statics] under its loads, or under `acting`. Raises StaticsError for mechanisms."""
     sheet = preset.statics
-    if log.progress:
-        log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
+    log.report("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
     acting = acting or loadings(preset, surface)
     solved = [loading for loading in acting if loading.factors is None]
     loads, spreads = [loading.load for loading in solved], [loading.spread for loading in solved]
@@ -110,8 +109,8 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
 
     other_factors = FactorCache(2)
     requested, refusals = (ResultRequest(), ()) if rough else _affordable_results(sheet, surface, log)
-    if requested and log.progress:
-        log.progress("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
+    if requested:
+        log.report("statics", f"answering by {requested.elements_for(sheet.elements)} elements")
     results: list[Answers] = []
     with log.row("answers"):
         for loading, answer in zip(solved.acting, solved.answers, strict=True):

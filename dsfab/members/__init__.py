@@ -7,10 +7,7 @@ graph        overlaps and nodes; `MemberGraph`        assembly   order and names
 
 from dsfab.members.assembly import member_graph, spherical_normals
 from dsfab.members.axes import MemberAxis
-from dsfab.members.components import CellsByStripes, cells_by_stripes
+from dsfab.members.components import cells_by_stripes
 from dsfab.members.graph import Member, MemberGraph, Node
 
-__all__ = [
-    "CellsByStripes", "Member", "MemberAxis", "MemberGraph", "Node", "cells_by_stripes", "member_graph",
-    "spherical_normals",
-]  # fmt: skip
+__all__ = ["Member", "MemberAxis", "MemberGraph", "Node", "cells_by_stripes", "member_graph", "spherical_normals"]

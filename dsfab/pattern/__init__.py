@@ -26,7 +26,7 @@ from dsfab.pattern.layers import (
 )
 from dsfab.pattern.phases import CornerPhase, Flow, corner_phase, through_peaks
 from dsfab.pattern.stripe_density import Halving, density, halving, log_density
-from dsfab.pattern.stripes import Stripes, frequency_for, wave
+from dsfab.pattern.stripes import Stripes, frequency_for
 from dsfab.pattern.supported_loops import LoopSurroundings, small_loops
 from dsfab.pattern.symmetry import Images
 from dsfab.pattern.widths import (
@@ -48,5 +48,5 @@ __all__ = [
     "density", "distance_to_boundary", "distance_to_vertices", "evened_grading", "face_points", "family_crossings",
     "family_roles", "frequency_for", "guide_phases", "halving", "kept_layers", "log_density", "material_points",
     "mean_duty_factor", "relative_stresses", "signs_with_short_seams", "slopes", "small_loops", "solved_factor",
-    "stripe_layers", "through_peaks", "vertex_means", "wave",
+    "stripe_layers", "through_peaks", "vertex_means",
 ]  # fmt: skip

@@ -121,10 +121,10 @@ def measured_rendition(
     except DsfabError as error:
         return Rendition(name, settings, refused=str(error))
     share = with_loose.sheet.surface.area / base_design.surface.area
-    *ratios, uncarried = _compliances(design, share, {} if uncut_compliance is None else uncut_compliance)
+    uncut, thinner, uncarried = _compliances(design, share, {} if uncut_compliance is None else uncut_compliance)
     counts = len(listed), sum(not piece.held for piece in listed), _carried_share(with_loose)
-    measures = quality.deviation, quality.evenness, quality.crossing_angle
-    return Rendition(name, settings, departures(preset), design, share, *counts, *ratios, *measures, uncarried)
+    measures = uncut, thinner, quality.deviation, quality.evenness, quality.crossing_angle
+    return Rendition(name, settings, departures(preset), design, share, *counts, *measures, uncarried)
 
 
 def _carried_share(design: Design) -> float:

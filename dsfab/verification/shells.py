@@ -1,6 +1,7 @@
 """Curved sheets: the obstacle course for shell elements [Belytschko et al. 1985], and vessels under pressure."""
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
@@ -104,39 +105,35 @@ def _swelling(out: Floats) -> Callable[[Equilibrium], float]:
     return lambda answer: float(np.einsum("ni,ni->n", answer.u, out).mean())
 
 
+fine_shell = partial(Test, cells=(4, 8, 16, 32), meshes=MESHES)
+
 TESTS = [
-    Test(
+    fine_shell(
         "scordelis_lo",
         0.3024,
         "MacNeal and Harder 1985 (exact thin shell 0.30059, Kiendl et al. 2009); whole roof",
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
-        (4, 8, 16, 32),
-        MESHES,
         targets={8: 0.015, 16: 0.008},
         # 0.3024 is MacNeal and Harder's choice between 0.3086 (shallow shell, Scordelis and Lo 1964) and elements of
         # their time. The limit is that of deep Kirchhoff-Love shells: quintic NURBS of 64 knot spans by Kiendl,
         # Bletzinger, Linhard and Wuechner 2009 (CMAME 198, 3902-3914), listed in FinEtoolsFlexStructures.jl.
         limit=0.300592,
     ),
-    Test(
+    fine_shell(
         "pinched_cylinder",
         164.24 / (3e6 * 3),
         "Lindberg, Olson and Cowper 1969, 164.24 P / (E h), often cut to 1.8248e-5; eighth, a quarter of the force",
         "tube between stiff end walls, pinched by two forces: how far they move",
         pinched_cylinder,
-        (4, 8, 16, 32),
-        MESHES,
         targets={16: 0.04, 32: 0.015},
     ),
-    Test(
+    fine_shell(
         "holed_hemisphere",
         0.0940,
         "MacNeal and Harder 1985, 18 degree hole (all pairs here converge to 0.0935); quarter, half of each force",
         "hemisphere with a hole at its pole, pulled and pushed at its rim: how far the forces move",
         holed_hemisphere,
-        (4, 8, 16, 32),
-        MESHES,
         targets={16: 0.005},
         limit=0.0935,
     ),

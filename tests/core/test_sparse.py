@@ -12,7 +12,6 @@ from scipy.sparse import csr_array, diags_array
 
 from dsfab.core import sparse
 from dsfab.core.sparse import (
-    ConvergenceError,
     FactorMemoryError,
     NotPositiveDefinite,
     SamePatternFactors,
@@ -22,7 +21,7 @@ from dsfab.core.sparse import (
     one_blas_thread,
 )
 from dsfab.core.sparse.cholesky import Fronts, Multifrontal, dissection_keys, point_graph
-from dsfab.core.sparse.libraries import Pardiso, SuperLU, _release
+from dsfab.core.sparse.libraries import ConvergenceError, Pardiso, SuperLU, _release
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
 from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.statics.factorisation import stiffness_factor

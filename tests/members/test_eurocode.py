@@ -10,23 +10,13 @@ import pytest
 from dsfab.core.errors import PresetError, StaticsError
 from dsfab.core.materials import MATERIALS
 from dsfab.design.member_model import eurocode_rules
-from dsfab.members.eurocode import (
-    DURATIONS,
-    STEEL,
-    TIMBER,
-    MemberBays,
-    Rules,
-    SteelFactors,
-    TimberFactors,
-    shortest,
-    steel_checks,
-    timber_checks,
-    utilisation,
-)
+from dsfab.members.eurocode import STEEL, TIMBER, MemberBays, Rules, SteelFactors, TimberFactors, shortest, utilisation
 from dsfab.members.eurocode import steel as en1993
 from dsfab.members.eurocode import timber as en1995
 from dsfab.members.eurocode.checks import Rectangle, moment_factor
-from dsfab.members.eurocode.grades import k_mod
+from dsfab.members.eurocode.grades import DURATIONS, k_mod
+from dsfab.members.eurocode.steel import steel_checks
+from dsfab.members.eurocode.timber import timber_checks
 from dsfab.preset.file import load_preset
 from dsfab.preset.sections import Duration
 from tests.members.bars import bar

@@ -13,7 +13,7 @@ from dsfab.export import Details
 from dsfab.export.tables.forces import sheet_names
 from dsfab.members import Member, MemberGraph
 from dsfab.members.eurocode import MemberBays, Rules, utilisation
-from dsfab.members.frame import forces_along
+from dsfab.members.frame.forces import forces_along
 from dsfab.statics import Material
 from dsfab.surface import Surface
 from tests.members.axes import axis

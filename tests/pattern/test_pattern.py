@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsfab.core.errors import PatternError
-from dsfab.pattern import Stripes, distance_to_boundary, distance_to_vertices, wave
-from dsfab.pattern.stripes import GLSL
+from dsfab.pattern import Stripes, distance_to_boundary, distance_to_vertices
+from dsfab.pattern.stripes import GLSL, wave
 from tests.shapes import ZOO, grid, sphere
 
 

@@ -25,8 +25,8 @@ from dsfab.pattern import (
     slopes,
     solved_factor,
     vertex_means,
-    wave,
 )
+from dsfab.pattern.stripes import wave
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Width
 from dsfab.slicing import cut

@@ -220,7 +220,7 @@ def test_tips_that_touch_are_pinches_that_are_joined_or_split():
     for rule, count in (("join", 1), ("split", 2)):
         pinched = resolve_pinches(sheet, 0.05, rule)
         kept = pinched.sheet.subset().surface
-        assert pinched.count == 1
+        assert pinched.pinches == 1
         assert manifold_faults(kept.F, kept.edges, kept.n) == ()
         assert pieces(kept.F, kept.edges)[0] == count
 

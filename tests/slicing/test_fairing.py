@@ -5,7 +5,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from dsfab.slicing import Sheet, cut, divided_walls, faired_walls, resolve_pinches
+from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing.finishing.fairing import divided_walls, faired_walls
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.shapes import grid, jittered, sphere

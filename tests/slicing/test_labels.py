@@ -5,8 +5,9 @@ import pytest
 
 import dsfab
 from dsfab.preset.file import with_overrides
-from dsfab.slicing import Sheet, cut, faired_walls, improve_cells, resolve_pinches
+from dsfab.slicing import Sheet, cut, improve_cells, resolve_pinches
 from dsfab.slicing.cutting.sheet import LineKind
+from dsfab.slicing.finishing.fairing import faired_walls
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.slicing.finishing.least_widths import bridged_necks
 from dsfab.slicing.finishing.opening_corners import CHORD

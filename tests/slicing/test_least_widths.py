@@ -44,7 +44,7 @@ def cured(plate: Surface, sheet: Sheet, gap: float, member: float):
     """The sheet with these widths, which is sound and has no point contacts."""
     done = with_least_widths(sheet, gap, member)
     check_bridged(plate, sheet, done.cells)
-    assert resolve_pinches(done.cells, 0.01, "join").count == 0
+    assert resolve_pinches(done.cells, 0.01, "join").pinches == 0
     again = with_least_widths(done.cells, gap, member)
     assert again.cells is done.cells
     return done

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, resolve_pinches
+from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.finishing.fillets import rounded_corners
-from dsfab.slicing.finishing.least_widths import REACH, narrow_gaps
+from dsfab.slicing.finishing.least_widths import REACH, bridged_gaps, bridged_necks, narrow_gaps
 from dsfab.slicing.finishing.openings import openings_of
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface

@@ -5,9 +5,9 @@ import pytest
 
 from dsfab import load_preset
 from dsfab.design.pattern_measures import largest_filling
-from dsfab.slicing import Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, openings_of, tidied_sheet
+from dsfab.slicing import Sheet, Tidy, cut, filled_slits, openings_of, tidied_sheet
 from dsfab.slicing.finishing import openings
-from dsfab.slicing.finishing.openings import CRUMB, NARROWER, with_filled
+from dsfab.slicing.finishing.openings import CRUMB, NARROWER, filled_crumbs, filled_openings, with_filled
 from dsfab.surface import Surface
 from tests.designs import sliced
 from tests.meshes import mesh_file

@@ -50,7 +50,7 @@ def test_checkerboard_is_joined_or_split_at_its_inner_corners(rule):
     assert boundary_degree(sheet) == 4
     radius = 0.4 / 16
     done = resolve_pinches(sheet, radius, rule)
-    assert done.count == inner
+    assert done.pinches == inner
     assert pinch_count(done.sheet) == 0
     assert boundary_degree(done.sheet) == 2
     gain = material_area(done.sheet) - material_area(sheet)
@@ -74,7 +74,7 @@ def test_pinch_on_the_boundary_counts(rule):
     (at,) = pinches(kept.F, kept.edges, kept.n)
     assert kept.V[at] == pytest.approx([0.5, 0, 0])
     done = resolve_pinches(sheet, 0.05, rule)
-    assert (done.count, pinch_count(done.sheet)) == (1, 0)
+    assert (done.pinches, pinch_count(done.sheet)) == (1, 0)
     gain = material_area(done.sheet) - material_area(sheet)
     assert 0 < gain * (1 if rule == "join" else -1) < np.pi * 0.05**2 / 2
     check_laws(plate, done.sheet)
@@ -92,10 +92,10 @@ def test_no_pinch_is_left_on_any_surface(name, rule, share):
     done = resolve_pinches(sheet, radius, rule)
     assert pinch_count(done.sheet) == 0
     assert boundary_degree(done.sheet) == 2
-    assert done.count > count / 2  # a disc may swallow a neighbour
+    assert done.pinches > count / 2  # a disc may swallow a neighbour
     # the snap of the rim may widen a disc by a tenth of an edge
     gain = material_area(done.sheet) - material_area(sheet)
-    assert abs(gain) <= done.count * np.pi * (radius + 0.1 * surface.mean_edge * (share > 0.1)) ** 2
+    assert abs(gain) <= done.pinches * np.pi * (radius + 0.1 * surface.mean_edge * (share > 0.1)) ** 2
     check_laws(surface, done.sheet)
 
 
@@ -136,7 +136,7 @@ def test_disc_that_swallows_a_neighbour_counts_once():
     apart = np.linalg.norm(at[:, None] - at, axis=2)
     radius = 1.5 * surface.mean_edge
     assert (apart[apart > 0] < radius).any()
-    assert resolve_pinches(sheet, radius, "join").count < len(at)
+    assert resolve_pinches(sheet, radius, "join").pinches < len(at)
 
 
 @both_rules
@@ -148,7 +148,7 @@ def test_corner_cuts_alone_need_one_round(rule, monkeypatch):
         sheet = noisy(surface, seed=1)
         for radius in (0.05 * surface.mean_edge, 10 * surface.mean_edge):
             done = resolve_pinches(sheet, radius, rule)
-            assert 0.5 * pinch_count(sheet) < done.count <= pinch_count(sheet)  # a cut may cure its neighbour too
+            assert 0.5 * pinch_count(sheet) < done.pinches <= pinch_count(sheet)  # a cut may cure its neighbour too
             assert pinch_count(done.sheet) == 0
             check_laws(surface, done.sheet)
             added = done.sheet.surface.V[sheet.surface.n :]
@@ -183,7 +183,7 @@ def test_joined_cells_belong_to_the_material_at_their_pinch():
     right = np.where(x > 1, np.round((x - 1.5) * y, 12), -1)
     sheet = cut(plate, [left, right], [[0.0], [0.0]], snap=0)
     done = resolve_pinches(sheet, 0.1, "join")
-    assert done.count >= 2
+    assert done.pinches >= 2
     centre, family = done.sheet.surface.centroids, done.sheet.family
     for k, middle in enumerate([(0.5, 0.5), (1.5, 0.5)]):
         near = np.linalg.norm(centre[:, :2] - middle, axis=1) < 0.08
@@ -196,7 +196,7 @@ def test_sheet_without_pinches_comes_back_itself():
     sheet = cut(surface, [surface.V[:, 2]], [[-0.3, 0.3]])
     done = resolve_pinches(sheet, 0.1)
     assert done.sheet is sheet
-    assert done.count == 0
+    assert done.pinches == 0
 
 
 def test_surface_that_touches_itself_can_be_split_but_not_joined():

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.slicing import Sheet, without_spikes
+from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import VOID
+from dsfab.slicing.finishing.spikes import without_spikes
 from dsfab.surface import Surface
 
 MEMBER = [(0, 9, 5), (0, 5, 6), (9, 10, 5), (9, 11, 10), (9, 4, 11), (9, 3, 4), (9, 1, 2), (9, 2, 3)]

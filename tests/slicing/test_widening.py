@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.slicing import Sheet, cut, resolve_pinches, widened_members
+from dsfab.slicing import Sheet, cut, resolve_pinches
 from dsfab.slicing.finishing.fillets import rounded_corners
-from dsfab.slicing.finishing.least_widths import narrow_members
+from dsfab.slicing.finishing.least_widths import narrow_members, widened_members
 from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from tests.shapes import grid, jittered

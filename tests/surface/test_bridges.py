@@ -15,8 +15,8 @@ from dsfab.design import draft
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid
-from dsfab.workshop import FlatPart, Hole
-from dsfab.workshop.parts import Fold
+from dsfab.workshop import FlatPart
+from dsfab.workshop.parts import Fold, Hole
 from tests.presets import DOME_MODES
 
 V = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.5], [1, 2, 0]], dtype=float)

@@ -12,8 +12,10 @@ from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import PresetError, SolidError
 from dsfab.surface import Surface
 from dsfab.surface.loads.pickers import All, Ball, Side
-from dsfab.thickening import Base, Feet, Holes, Ring, Solid, SplitBodies, Trim, offsets, parts, thicken, with_extras
+from dsfab.thickening import Base, Solid, SplitBodies, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND
+from dsfab.thickening.extras.cutting import Holes, Trim
+from dsfab.thickening.extras.feet_and_rings import Feet, Ring
 from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.shapes import grid, jittered, moebius, sphere
 

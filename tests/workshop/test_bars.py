@@ -18,24 +18,16 @@ from dsfab.design import Design
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
 from dsfab.preset.file import load_preset, with_overrides
-from dsfab.workshop import Layering, strip_limits, workshop_plan
-from dsfab.workshop.bars import (
-    BAR_CLEARANCE,
-    BarEnd,
-    BarStock,
-    Bay,
-    LatticeBar,
-    bar_lattice,
-    bar_part,
-    bar_plan,
-    member_lattice,
-    mitre_length,
-)
-from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
+from dsfab.workshop import Layering, workshop_plan
+from dsfab.workshop.bars import BAR_CLEARANCE, BarStock, bar_plan
+from dsfab.workshop.bars.cutting import bar_part, mitre_length
+from dsfab.workshop.bars.joints import BarEnd, Footing, LatticeBar, bar_lattice, leg_lines, leg_plates
+from dsfab.workshop.bars.lattice import Bay, member_lattice
 from dsfab.workshop.files import bar_rows, part_drawing, table_csv
 from dsfab.workshop.parts import half_plane_clip, polygon_area
 from dsfab.workshop.plan import construction_route, design_bars
 from dsfab.workshop.planks.slots import PlankCrossings
+from dsfab.workshop.strips import strip_limits
 from tests.analytic import SURFACES
 from tests.designs import sliced
 

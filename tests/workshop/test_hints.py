@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from dsfab.workshop import FlatPart, Hole, nest_parts
-from dsfab.workshop.nesting import stack_parts
+from dsfab.workshop import FlatPart
+from dsfab.workshop.nesting import nest_parts, stack_parts
+from dsfab.workshop.parts import Hole
 from dsfab.workshop.stock import narrow_strip, sheet_hints
 from tests.workshop.drawn_parts import least_gap
 

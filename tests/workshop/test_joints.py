@@ -11,8 +11,10 @@ from dsfab.design import Design
 from dsfab.members import member_graph
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.surface import Surface
-from dsfab.workshop import Layering, SheetJoint, sheet_parts, strip_parts, workshop_plan
+from dsfab.workshop import Layering, workshop_plan
 from dsfab.workshop.planks import PlankStock, plank_plan
+from dsfab.workshop.plates import SheetJoint, sheet_parts
+from dsfab.workshop.strips import strip_parts
 from tests.analytic import SURFACES
 from tests.designs import sliced
 

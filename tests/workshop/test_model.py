@@ -16,10 +16,12 @@ from dsfab.app.cli import main
 from dsfab.preset.file import load_preset
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import PAPER_HEIGHT, PAPER_WIDTH
-from dsfab.workshop import Layering, member_course, strip_limits, strip_parts, workshop_plan
+from dsfab.workshop import Layering, workshop_plan
 from dsfab.workshop.card_models import MODEL_LETTERS, model_notes, scaled_graph, scaled_surface
+from dsfab.workshop.development import member_course
 from dsfab.workshop.ground import BasePlane, StripFoot, base_parts, clipped_polygon
 from dsfab.workshop.layers import END_DISTANCE
+from dsfab.workshop.strips import strip_limits, strip_parts
 from tests.analytic import SURFACES
 from tests.designs import sliced
 from tests.report.recorder import Recorder

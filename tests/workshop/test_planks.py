@@ -19,8 +19,8 @@ from dsfab.workshop import refolded_plan, workshop_plan
 from dsfab.workshop.bodies import strip_body
 from dsfab.workshop.files import part_drawing
 from dsfab.workshop.plan import WorkshopPlan
-from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slot_width, standing_order
-from dsfab.workshop.planks.slots import SLIDE_ANGLE, largest_deviation
+from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, standing_order
+from dsfab.workshop.planks.slots import SLIDE_ANGLE, largest_deviation, slot_width
 from tests.analytic import SURFACES
 from tests.designs import sliced
 

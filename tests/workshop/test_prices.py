@@ -13,7 +13,9 @@ from dsfab.core.errors import PresetError
 from dsfab.design import Design
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.report.assembly.flat_parts import sheet_figures
-from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nest_parts, stock_cost, stock_words, workshop_plan
+from dsfab.workshop import FlatPart, stock_cost, stock_words, workshop_plan
+from dsfab.workshop.files import cut_list, cut_list_workbook
+from dsfab.workshop.nesting import nest_parts
 from tests.designs import sliced
 from tests.workshop.drawn_parts import least_gap
 

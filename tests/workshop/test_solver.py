@@ -14,8 +14,8 @@ from dsfab.core.errors import PatternError
 from dsfab.design import Design
 from dsfab.export import ProgramError
 from dsfab.preset.file import load_preset
-from dsfab.workshop import nest_parts, workshop_plan
-from dsfab.workshop.nesting import NestedPart, NestedSheet, with_fewer_sheets
+from dsfab.workshop import workshop_plan
+from dsfab.workshop.nesting import NestedPart, NestedSheet, nest_parts, with_fewer_sheets
 from dsfab.workshop.nesting import sheets as emptying
 from dsfab.workshop.nesting.sheets import least_clearance, polygon_distance
 from tests.workshop.drawn_parts import bowed, least_gap

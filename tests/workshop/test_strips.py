@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from dsfab.members import Member, MemberAxis, MemberGraph
-from dsfab.workshop import Development, Layering, PlankStock, is_strip, member_course, plank_plan, strip_parts
+from dsfab.workshop import Layering, is_strip
+from dsfab.workshop.development import Development, member_course
+from dsfab.workshop.planks import PlankStock, plank_plan
+from dsfab.workshop.strips import strip_parts
 from tests.analytic import SURFACES, WIDTH
 from tests.shapes import grid
 from tests.workshop.unrolled_strips import Bent, ReadPart, graph_of

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from dsfab.preset.file import load_preset
-from dsfab.workshop import Development, is_strip, member_course
+from dsfab.workshop import is_strip
+from dsfab.workshop.development import Development, member_course
 from tests.designs import sliced
 
 BEYOND = 2.0

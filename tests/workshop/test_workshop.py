@@ -20,24 +20,15 @@ from dsfab.design import Design
 from dsfab.members import Node, member_graph
 from dsfab.preset.file import load_preset, with_overrides
 from dsfab.surface import Surface
-from dsfab.workshop import (
-    FlatPart,
-    Hole,
-    Layering,
-    NestedSheet,
-    cut_list,
-    cut_list_workbook,
-    nest_parts,
-    refolded_plan,
-    sheet_parts,
-    strip_limits,
-    workshop_plan,
-)
+from dsfab.workshop import FlatPart, Layering, NestedSheet, refolded_plan, workshop_plan
 from dsfab.workshop import plan as workshop_plans
+from dsfab.workshop.files import cut_list, cut_list_workbook
+from dsfab.workshop.nesting import nest_parts
 from dsfab.workshop.nesting.skyline import column_grid, empty_sheet, part_shapes, place_part
-from dsfab.workshop.parts import GLYPHS, alike_parts, strokes
+from dsfab.workshop.parts import GLYPHS, Hole, alike_parts, strokes
 from dsfab.workshop.plan import equal_part_groups
-from dsfab.workshop.plates import FlattenedMesh
+from dsfab.workshop.plates import FlattenedMesh, sheet_parts
+from dsfab.workshop.strips import strip_limits
 from tests.analytic import SURFACES
 from tests.designs import sliced
 from tests.workshop.drawn_parts import bowed, drawn, least_gap

@@ -28,21 +28,12 @@ from dsfab.core.sparse.cholesky import (
     release_freed_memory,
     require_memory,
 )
-from dsfab.core.sparse.libraries import ConvergenceError, Matrix, Multigrid, Pardiso, SuperLU, pardiso_matrix
+from dsfab.core.sparse.libraries import Matrix, Multigrid, Pardiso, SuperLU, pardiso_matrix
 
 __all__ = [
-    "ConvergenceError",
-    "Factor",
-    "FactorMemoryError",
-    "NotPositiveDefinite",
-    "SamePatternFactors",
-    "SuperLU",
-    "factorise",
-    "one_blas_thread",
-    "peak_memory",
-    "release_freed_memory",
-    "solver_name",
-]
+    "Factor", "FactorMemoryError", "NotPositiveDefinite", "SamePatternFactors", "SuperLU", "factorise",
+    "one_blas_thread", "peak_memory", "release_freed_memory", "solver_name",
+]  # fmt: skip
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
 """Factor of K. A call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values of the same pattern."""

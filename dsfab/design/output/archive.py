@@ -207,7 +207,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
     )
     divided = division_from(surface, archive)
     fields = tuple(field_from(f"field_{k}", divided, archive) for k in range(len(names)))
-    choice = about["factor"], *(tuple(about[key]) for key in ("frequency", "mode", "phase"))
+    choice = about["factor"], tuple(about["frequency"]), tuple(about["mode"]), tuple(about["phase"])
     even = even_stripes_from(surface, archive)
     pattern = PatternResult(tuple(names), fields, levels, half_widths, *choice, even=even)
     columns = archive["sheet_parent"], archive["sheet_family"]

@@ -4,13 +4,13 @@ grades   characteristic strengths by material, durations of loads, k_mod
 checks   bays with sections and forces, names and clauses of checks, their utilisation; stress over strength
 steel    EN 1993-1-1 for flats        timber   EN 1995-1-1 for laths        rules   the check of a whole structure"""
 
-from dsfab.members.eurocode.checks import CodeCheck, MemberBays, Utilisation
-from dsfab.members.eurocode.grades import DURATIONS, STEEL, TIMBER, Duration, SteelGrade, TimberGrade, shortest
+from dsfab.members.eurocode.checks import MemberBays, Utilisation
+from dsfab.members.eurocode.grades import STEEL, TIMBER, Duration, shortest
 from dsfab.members.eurocode.rules import Rules, utilisation
-from dsfab.members.eurocode.steel import SteelFactors, steel_checks
-from dsfab.members.eurocode.timber import TimberFactors, timber_checks
+from dsfab.members.eurocode.steel import SteelFactors
+from dsfab.members.eurocode.timber import TimberFactors
 
 __all__ = [
-    "DURATIONS", "STEEL", "TIMBER", "CodeCheck", "Duration", "MemberBays", "Rules", "SteelFactors", "SteelGrade",
-    "TimberFactors", "TimberGrade", "Utilisation", "shortest", "steel_checks", "timber_checks", "utilisation",
+    "STEEL", "TIMBER", "Duration", "MemberBays", "Rules", "SteelFactors", "TimberFactors", "Utilisation", "shortest",
+    "utilisation",
 ]  # fmt: skip

@@ -5,18 +5,10 @@ build    the whole model: `Design.frame`            model    `Frame`, its soluti
 forces   member forces from the section forces of the sheet"""
 
 from dsfab.members.frame.build import frame_of
-from dsfab.members.frame.forces import COMPONENTS, STATIONS, MemberForces, forces_along, member_forces
-from dsfab.members.frame.model import (
-    BeamMaterial,
-    Frame,
-    FrameAgreement,
-    FrameAnswer,
-    agreement,
-    solve_frame,
-    torsion_constant,
-)
+from dsfab.members.frame.forces import COMPONENTS, STATIONS, MemberForces, member_forces
+from dsfab.members.frame.model import BeamMaterial, Frame, FrameAgreement, agreement, solve_frame, torsion_constant
 
 __all__ = [
-    "COMPONENTS", "STATIONS", "BeamMaterial", "Frame", "FrameAgreement", "FrameAnswer", "MemberForces", "agreement",
-    "forces_along", "frame_of", "member_forces", "solve_frame", "torsion_constant",
+    "COMPONENTS", "STATIONS", "BeamMaterial", "Frame", "FrameAgreement", "MemberForces", "agreement", "frame_of",
+    "member_forces", "solve_frame", "torsion_constant",
 ]  # fmt: skip

@@ -56,8 +56,8 @@ def frame_of(
     fixed = fixed if axis is None else fixed_in_plane(fixed, axis)
     members = tuple(member.id for member in joints.members_with_axis)
     sections = beams.ends, _local_z(points, beams), beams.width, np.full(len(beams.width), thickness), beams.member
-    loads = forces, material, dict(combinations)
-    return Frame(points, distinct_names(names), *sections, members, fixed, spring, *loads, beams.shift, beams.stout)
+    acting = forces, material, dict(combinations)
+    return Frame(points, distinct_names(names), *sections, members, fixed, spring, *acting, beams.shift, beams.stout)
 
 
 def distinct_names(names: list[str]) -> tuple[str, ...]:

@@ -32,7 +32,7 @@ class PinchResult(NamedTuple):
     """All cells of a sheet without pinches, and the number of discs and corner cuts; 0 for an unchanged sheet."""
 
     sheet: Sheet
-    count: int
+    pinches: int
 
 
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> PinchResult:

@@ -3,19 +3,8 @@
 slots   crossings of planks, and their slots    plank   a plank with its divisions, ends and covers
 plan    the whole plan: `plank_plan`"""
 
-from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright_course
+from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_plan, upright_course
 from dsfab.workshop.planks.plank import PlankStock
-from dsfab.workshop.planks.slots import (
-    STANDING_ORDER,
-    Crossing,
-    PlankParts,
-    Slot,
-    plank_crossings,
-    slot_width,
-    standing_order,
-)
+from dsfab.workshop.planks.slots import standing_order
 
-__all__ = [
-    "STANDING_ORDER", "Crossing", "PlankParts", "PlankPlan", "PlankStock", "Slot", "plank_courses",
-    "plank_crossings", "plank_parts", "plank_plan", "slot_width", "standing_order", "upright_course",
-]  # fmt: skip
+__all__ = ["PlankPlan", "PlankStock", "plank_courses", "plank_plan", "standing_order", "upright_course"]
