@@ -109,7 +109,8 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
     model.Layers[off.LayerIndex].Visible = False
     inner, invisible = layer(model, "inner", True, off.LayerIndex), layer(model, "roof 2")
     invisible.Visible = False
-    for about in (shown, off, inner, invisible):
+    within_roof = layer(model, "within the roof", True, shown.LayerIndex)
+    for about in (shown, within_roof, off, inner, invisible):
         model.Objects.AddMesh(rhino_mesh(), about)
     for name in ("Auflager", "support", "sketch"):
         line = rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
@@ -119,13 +120,13 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
     path = saved(model, tmp_path / "roof.3dm")
     record = raw_mesh(path).record
     assert sum(thing.count for thing in record.content) == len(rhino3dm.File3dm.Read(str(path)).Objects)
-    assert record.surface_words == "2 meshes, 1 mirrored block insertion"
+    assert record.surface_words == "3 meshes, 1 mirrored block insertion"
     for words in ("'old'", "'inner'", "'roof 2'"):
         assert f"1 hidden object on layer {words}" in record.dropped
     assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
     assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
     assert record.other_words == "2 points, 1 curve on layer 'support', 1 curve"
-    assert describe(path).area == pytest.approx(2 * AREA)
+    assert describe(path).area == pytest.approx(3 * AREA)
 
 
 def test_a_hidden_3dm_layer_marks_no_support_unless_it_is_named(tmp_path):
@@ -401,6 +402,7 @@ def test_faces_of_plain_formats_are_counted_as_trimesh_counts_them(tmp_path):
     assert (counts["line", "dropped"], counts["point", "dropped"], counts["face", "dropped"]) == (2, 1, 1)
 
 
+@pytest.mark.slow
 def test_faces_and_curves_of_step_files_are_counted_as_build123d_counts_them(tmp_path):
     build123d = pytest.importorskip("build123d")
     sheet = build123d.Face.make_rect(3, 2)

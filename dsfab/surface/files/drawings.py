@@ -308,8 +308,8 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
         )
     if unit is None and drawing.unit is None:
         raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
-    where = f"{path}" + (f", layer {layer!r}," if layer is not None else "")
     hidden = drawing.hidden if layer is None else ()
+    where = f"{path}" + (f", layer {layer!r}," if layer is not None else ", visible layers," if hidden else "")
     curves = [run for name, run in drawing.runs if layer in (None, name) and name not in hidden and len(run) > 1]
     if not curves:
         raise SurfaceError(

@@ -95,8 +95,7 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
 
 
 def threemf_by_lib3mf(path: Path) -> tuple[Floats, Ints]:
-    """Return V (n, 3), in the file's unit, and F (m, 3) of a 3MF file that lib3mf reads, in single precision. Raises
-    SurfaceError."""
+    """Return V (n, 3), in the file's unit and single precision, and F (m, 3) by lib3mf. Raises SurfaceError."""
     import lib3mf
 
     model, parts = lib3mf.get_wrapper().CreateModel(), list[tuple[Floats, Ints]]()
