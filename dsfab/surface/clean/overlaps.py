@@ -154,26 +154,26 @@ def _of_one_quad(F: Ints, face: Ints, other: Ints) -> Bools:
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
     """Return faces (m,) of which none covers another: all other faces, then what continues them along edges. The face
     with the shortest longest edge comes first, so that the order of the faces does not matter."""
-    overlaps: dict[int, set[int]] = {}
-    for face, _, other in covers.tolist():
+    overlaps, chosen = dict[int, set[int]](), list[int]()
+    for face, other in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
         overlaps.setdefault(face, set()).add(other)
         overlaps.setdefault(other, set()).add(face)
-    stays, undecided = np.ones(len(F), dtype=bool), set(overlaps)
-    stays[list(overlaps)] = False
-    beside = {
-        face: np.concatenate([edges.order[edges.start[k] : edges.start[k + 1]] // 3 for k in edges.of[face]])
-        for face in overlaps
-    }
+    owners, start, undecided = (edges.order // 3).tolist(), edges.start.tolist(), set(overlaps)
+    sides = zip(overlaps, edges.of[list(overlaps)].tolist(), strict=True)
+    beside = {face: {owner for k in three for owner in owners[start[k] : start[k + 1]]} for face, three in sides}
     longest = lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]])[edges.of].max(axis=1).round(9).tolist()
-    for seed in sorted(overlaps, key=lambda face: (not stays[beside[face]].any(), longest[face], face)):
+    for seed in sorted(overlaps, key=lambda face: (beside[face] <= overlaps.keys(), longest[face], face)):
         waiting = [(longest[seed], seed)]
         while waiting:
             _, face = heappop(waiting)
             if face in undecided:
-                stays[face] = True
                 undecided -= {face, *overlaps[face]}
-                for k in undecided.intersection(beside[face].tolist()):
+                chosen.append(face)
+                for k in beside[face] & undecided:
                     heappush(waiting, (longest[k], k))
+    stays = np.ones(len(F), dtype=bool)
+    stays[list(overlaps)] = False
+    stays[chosen] = True
     return stays
 
 
