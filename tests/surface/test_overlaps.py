@@ -8,6 +8,7 @@ import trimesh
 
 from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import SurfaceError
+from dsfab.preset.proposal.reading import mesh_in_file
 from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
 from dsfab.surface.clean.overlaps import overlapping_faces
 from dsfab.surface.files import separate_process
@@ -345,3 +346,20 @@ def test_reading_depends_on_no_unit_place_turn_or_order(name):
         assert measured[0] / scale**2 == pytest.approx(expected[0], rel=precision)
         assert measured[1] == expected[1]
         assert measured[2] == pytest.approx(expected[2], rel=precision)
+
+
+@pytest.mark.slow
+def test_proposed_supports_depend_on_no_unit_and_no_place(tmp_path):
+    """A vault with every third quad drawn twice stands on the same lines in metres, inches and far away."""
+    V, quads = vault(cells=12)
+    F = np.vstack([halves(quads), halves(quads[::3], other=True)])
+    lines = []
+    for name, moved, unit in (("m", V, "m"), ("in", V / 0.0254, "in"), ("far", V + [1e7, -2e6, 300], "m")):
+        path = tmp_path / f"{name}.obj"
+        corners = "".join("v {!r} {!r} {!r}\n".format(*point) for point in moved.tolist())
+        path.write_text(corners + "".join("f {} {} {}\n".format(*face) for face in (F + 1).tolist()))
+        mesh = mesh_in_file(path, unit, "z")
+        lines.append([place.length for place in mesh.places])
+    assert len(lines[0]) == 2
+    assert lines[1] == pytest.approx(lines[0], rel=1e-9)
+    assert lines[2] == pytest.approx(lines[0], rel=1e-6)

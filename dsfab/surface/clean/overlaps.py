@@ -370,7 +370,7 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on other faces, but not on those `reported`."""
+    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out."""
     overlapping = overlapping_faces(V, F)
     remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
