@@ -18,9 +18,11 @@ from dsfab.surface.files.gltf import read_glb, read_gltf
 from dsfab.surface.files.obj_and_off import read_obj, read_off
 from dsfab.surface.files.ply import read_ply
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import LARGEST_NUMBER, MalformedFileError, PolygonFile, number_steps, readable
+from dsfab.surface.files.reading import MalformedFileError, PolygonFile, number_steps, readable
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
+
+OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow for larger coordinates.
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
@@ -189,7 +191,7 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         )
     used, F = np.unique(raw.F, return_inverse=True)
     largest = float(np.abs(raw.V[used][in_reach(raw.V[used])]).max(initial=0.0))
-    if largest > LARGEST_NUMBER:
+    if largest > OVERFLOW:
         raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
     steps = number_steps(raw.V, raw.F, raw.unit)[1]
     record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
