@@ -8,11 +8,14 @@ import trimesh
 
 from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import SurfaceError
+from dsfab.preset.proposal.reading import mesh_in_file
 from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
 from dsfab.surface.clean.overlaps import overlapping_faces
+from dsfab.surface.files import separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reader import describe, oriented_surface, read_surface, surface_of_file
-from dsfab.surface.files.reading import COARSE_STEP, LARGEST_STEP, number_steps
+from dsfab.surface.files.reading import LARGEST_STEP, DrawingBudget, number_steps
+from dsfab.surface.files.rhino_and_step import read_occt, read_rhino_meshes
 from dsfab.surface.shapes import dome, plate
 from dsfab.surface.topology import boundary_loops
 from tests.shapes import folded, glued, grid, jittered, joined, lifted, sphere, stacked, three_leaves, tube
@@ -126,8 +129,72 @@ def test_a_flange_on_a_sheet_keeps_the_wall_on_it_closed():
 
 def test_a_copy_of_a_fine_sheet_is_no_scan():
     """A repair of a scan would fill its small openings."""
-    fine = grid(120, 120, 10.0, 10.0)
+    fine = grid(60, 60, 10.0, 10.0)
     assert not is_scan(fine.V, np.vstack([fine.F, fine.F[:, ::-1]]))
+
+
+IN_PROCESS = {"meshes": lambda path: read_rhino_meshes(path, DrawingBudget()), "cad": read_occt}
+UNITS = {"m": 1.0, "mm": 1e3, "in": 1 / 0.0254}
+
+
+def barrel(angle, y):
+    """Points (..., 3) of a barrel with a radius of 3.25 m, 6 m wide and 2 m high."""
+    return np.stack([3.25 * np.cos(angle), y, 3.25 * np.sin(angle) - 1.25], axis=-1)
+
+
+LOW = np.arcsin(1.25 / 3.25)
+
+
+def step_panels(folder):
+    """Cylinders between arcs; the second of each pair is extruded backwards along the reversed arc."""
+    b3d = pytest.importorskip("build123d")
+    for unit, scale in UNITS.items():
+        faces = []
+        for k in range(4):
+            arcs = [[tuple(scale * x) for x in barrel(np.linspace(LOW, np.pi - LOW, 3), np.full(3, 2.0 * y))]
+                    for y in (k, k + 1)]  # fmt: skip
+            there = b3d.Edge.make_three_point_arc(*arcs[0])
+            back = b3d.Edge.make_three_point_arc(*arcs[1][::-1])
+            faces += [b3d.Face.extrude(edge, (0, way * 2 * scale, 0)) for edge, way in ((there, 1), (back, -1))]
+        path = folder / f"panels_{unit}.step"
+        b3d.export_step(b3d.Compound(children=faces), path, unit=getattr(b3d.Unit, unit.upper()))
+        yield path
+
+
+def panel_faces(scale):
+    """Vertices (n, 3) and triangles of four panels, and of the same panels in other halves and the other direction."""
+    angle, y = np.meshgrid(np.linspace(LOW, np.pi - LOW, 33), np.linspace(0, 8, 5), indexing="ij")
+    k = np.arange(angle.size).reshape(angle.shape)
+    quads = np.stack([k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]], axis=-1).reshape(-1, 4)
+    return scale * barrel(angle, y).reshape(-1, 3), np.vstack([halves(quads), halves(quads, other=True)[::-1, ::-1]])
+
+
+def dxf_panels(folder):
+    ezdxf = pytest.importorskip("ezdxf")
+    for unit, scale in UNITS.items():
+        drawing, (V, F) = ezdxf.new(units={"m": 6, "mm": 4, "in": 1}[unit]), panel_faces(scale)
+        for corners in V[F].tolist():
+            drawing.modelspace().add_3dface([*corners, corners[2]])
+        drawing.saveas(folder / f"panels_{unit}.dxf")
+        yield folder / f"panels_{unit}.dxf"
+
+
+def rhino_panels(folder):
+    rhino3dm = pytest.importorskip("rhino3dm")
+    for unit, scale in UNITS.items():
+        model, mesh, (V, F) = rhino3dm.File3dm(), rhino3dm.Mesh(), panel_faces(scale)
+        names = {"m": "Meters", "mm": "Millimeters", "in": "Inches"}
+        model.Settings.ModelUnitSystem = getattr(rhino3dm.UnitSystem, names[unit])
+        for point in V.tolist():
+            mesh.Vertices.Add(*point)
+        for face in F.tolist():
+            mesh.Faces.AddFace(*face)
+        model.Objects.AddMesh(mesh)
+        model.Write(str(folder / f"panels_{unit}.3dm"), 7)
+        yield folder / f"panels_{unit}.3dm"
+
+
+PANELS = {".step": step_panels, ".dxf": dxf_panels, ".3dm": rhino_panels}
 
 
 def ply(path, V, F, kind):
@@ -150,6 +217,30 @@ def off(path, V, F):
     return path
 
 
+@pytest.mark.parametrize("suffix", [".ply", ".stl", ".glb", ".obj", ".off"])
+def test_a_vault_with_both_diagonals_is_one_vault_in_each_format(suffix, tmp_path):
+    """Each third quad of a barrel also along its other diagonal, as exporters write it; glTF has y up."""
+    V, quads = vault()
+    F = np.vstack([halves(quads), halves(quads[::3], other=True)[:, ::-1]])
+    path = tmp_path / f"vault{suffix}"
+    turned = V[:, [0, 2, 1]] * [1, 1, -1] if suffix == ".glb" else V
+    trimesh.Trimesh(turned, F, process=False).export(path)
+    surface = read_surface(path, mend=True)
+    assert surface.m == 2 * len(quads)
+    assert surface.area == pytest.approx(area(V, halves(quads)), rel=1e-6)
+    assert any("lie on other faces in one plane" in fault for fault in describe(path).faults)
+
+
+@pytest.mark.parametrize("suffix", [pytest.param(".step", marks=pytest.mark.slow), ".dxf", ".3dm"])
+def test_panels_drawn_twice_are_as_large_in_each_unit(suffix, tmp_path, monkeypatch):
+    """Four panels of a barrel, each also drawn from its other end: in metres, millimetres and inches."""
+    monkeypatch.setattr(separate_process, "_triangles", lambda kind, path, _: IN_PROCESS[kind](path))
+    sizes = [read_surface(path, mend=True).area for path in PANELS[suffix](tmp_path)]
+    assert len(sizes) == 3
+    assert sizes == pytest.approx([sizes[0]] * 3, rel=1e-7 if suffix == ".3dm" else 1e-9)  # rhino3dm: 32-bit vertices
+    assert sizes[0] == pytest.approx(61.1, abs=0.1)
+
+
 SITE = {"near": [0, 0, 0], "town": [2600.3, 1200.7, 400], "land": [691234.5, 334567.8, 500], "far": [4.4e6, 5.3e6, 500]}
 
 
@@ -169,7 +260,7 @@ def test_too_few_digits_far_away_are_named_and_refused(site, write, tmp_path):
     words = [text for text in raw.record.read if "steps" in text]
     expected = {"six digits": {"land": 1.0, "far": 10.0}, "double": {}}.get(write, {"far": 0.5})
     if site not in expected:
-        assert words == [] or number_steps(raw.V, raw.F).share < LARGEST_STEP
+        assert words == [] or number_steps(raw.V, raw.F)[0] < LARGEST_STEP
         assert surface_of_file(path, raw).surface.m == len(F)
         assert words == [] or site in ("town", "land")
         return
@@ -183,14 +274,14 @@ def test_too_few_digits_far_away_are_named_and_refused(site, write, tmp_path):
 
 def test_a_file_of_round_numbers_near_the_origin_has_no_steps():
     for surface in (grid(8, 8, 8.0, 8.0), plate(edge=0.5)):
-        assert number_steps(surface.V, surface.F).share == 0.0
-    assert number_steps(grid(8, 8, 8.0, 8.0).V + [2.6e6, 1.2e6, 0.1], grid(8, 8, 8.0, 8.0).F).share < COARSE_STEP
+        assert number_steps(surface.V, surface.F) == (0.0, "")
+        assert number_steps(surface.V + [2.6e6, 1.2e6, 0.1], surface.F) == (0.0, "")
 
 
 def test_numbers_too_large_for_any_unit_are_refused_in_one_sentence(tmp_path):
     path = tmp_path / "huge.obj"
     path.write_text("".join("v {} {} {}\n".format(*p) for p in 1e160 * SQUARE) + "f 1 2 3 4\n")
-    with pytest.raises(SurfaceError, match=r"has coordinates up to 1e\+160, which no unit makes a building"):
+    with pytest.raises(SurfaceError, match=r"has coordinates up to 1e\+160, too large in any unit; export it"):
         read_surface(path, mend=True)
 
 
@@ -255,3 +346,20 @@ def test_reading_depends_on_no_unit_place_turn_or_order(name):
         assert measured[0] / scale**2 == pytest.approx(expected[0], rel=precision)
         assert measured[1] == expected[1]
         assert measured[2] == pytest.approx(expected[2], rel=precision)
+
+
+@pytest.mark.slow
+def test_proposed_supports_depend_on_no_unit_and_no_place(tmp_path):
+    """A vault with every third quad drawn twice stands on the same lines in metres, inches and far away."""
+    V, quads = vault(cells=12)
+    F = np.vstack([halves(quads), halves(quads[::3], other=True)])
+    lines = []
+    for name, moved, unit in (("m", V, "m"), ("in", V / 0.0254, "in"), ("far", V + [1e7, -2e6, 300], "m")):
+        path = tmp_path / f"{name}.obj"
+        corners = "".join("v {!r} {!r} {!r}\n".format(*point) for point in moved.tolist())
+        path.write_text(corners + "".join("f {} {} {}\n".format(*face) for face in (F + 1).tolist()))
+        mesh = mesh_in_file(path, unit, "z")
+        lines.append([place.length for place in mesh.places])
+    assert len(lines[0]) == 2
+    assert lines[1] == pytest.approx(lines[0], rel=1e-9)
+    assert lines[2] == pytest.approx(lines[0], rel=1e-6)

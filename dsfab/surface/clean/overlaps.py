@@ -96,8 +96,8 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     V = np.ascontiguousarray((V - (low + high) / 2) / max(float((high - low).max()), 1e-300))
     F, tree = np.ascontiguousarray(F), igl.AABB()
     tree.init(V, F)
-    some = np.concatenate([np.arange(m), rim]), np.concatenate([np.zeros(m, dtype=np.int64), 4 + side])
-    first_covers = _covers(tree, V, F, *some)
+    middles = np.zeros(m, dtype=np.int64)
+    first_covers = _covers(tree, V, F, np.concatenate([np.arange(m), rim]), np.concatenate([middles, 4 + side]))
     if not len(first_covers):
         return OverlappingFaces(rim[:0], rim[:0])
     around = np.flatnonzero(corners_of(F, np.isin(np.arange(m), first_covers[:, [0, 2]]), len(V))[F].any(axis=1))
@@ -105,12 +105,12 @@ def overlapping_faces(V: Floats, F: Ints) -> OverlappingFaces:
     stays = _one_sheet(V, F, edges, covers)
     added = ~stays & ~_is_covered(covers, stays)
     stays = (stays & ~_is_covered(covers, added)) | added
-    whole = np.flatnonzero(~stays)
-    is_tied = _tied_faces(edges, covers, whole)
-    stays[whole[is_tied]] = True
-    face, _, other = covers[stays[covers[:, 0]] & stays[covers[:, 2]]].T
-    folds = np.flatnonzero((edges.of[face][:, :, None] == edges.of[other][:, None, :]).any(axis=(1, 2)))
-    return OverlappingFaces(whole[~is_tied], distinct(np.delete(face, folds)))
+    removed = np.flatnonzero(~stays)
+    is_tied = _tied_faces(edges, covers, removed)
+    stays[removed[is_tied]] = True
+    face, _, cover = covers[stays[covers[:, 0]] & stays[covers[:, 2]]].T
+    folds = np.flatnonzero((edges.of[face][:, :, None] == edges.of[cover][:, None, :]).any(axis=(1, 2)))
+    return OverlappingFaces(removed[~is_tied], distinct(np.delete(face, folds)))
 
 
 def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> Ints:
@@ -123,57 +123,57 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     rays = tree.intersect_ray(V, F, starts, normal[faces])
     # each ray meets its own face
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
-    row, other = hits[:, :2].astype(np.int64).T
+    row, cover = hits[:, :2].astype(np.int64).T
     distance = np.abs(hits[:, 2] - reach[row])
-    near = (other != faces[row]) & (distance <= reach[row])
-    row, other = row[near], other[near]
+    is_near = (cover != faces[row]) & (distance <= reach[row])
+    row, cover = row[is_near], cover[is_near]
     face = faces[row]
-    height = np.abs(np.einsum("kci,ki->kc", P[other] - P[face, :1], normal[face])).max(axis=1, initial=0)
-    back = np.abs(np.einsum("kci,ki->kc", P[face] - P[other, :1], normal[other])).max(axis=1, initial=0)
+    height = np.abs(np.einsum("kci,ki->kc", P[cover] - P[face, :1], normal[face])).max(axis=1, initial=0)
+    back = np.abs(np.einsum("kci,ki->kc", P[face] - P[cover, :1], normal[cover])).max(axis=1, initial=0)
     counts = np.minimum(height, back) <= WELD
     if not counts.all():
-        counts |= _of_one_quad(merged_vertices(V, WELD)[1][F], face, other)
-    return np.stack([face, samples[row], other], axis=1)[counts]
+        counts |= _of_one_quad(merged_vertices(V, WELD)[1][F], face, cover)
+    return np.stack([face, samples[row], cover], axis=1)[counts]
 
 
-def _of_one_quad(F: Ints, face: Ints, other: Ints) -> Bools:
+def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
     """Return which pairs (p,) of faces have an edge in common, and F (m, 3) has also two faces on their other ends."""
-    same = F[face][:, :, None] == F[other][:, None, :]
-    mine, theirs = same.any(axis=2), same.any(axis=1)
-    result: Bools = mine.sum(axis=1) == 2
+    is_equal = F[face][:, :, None] == F[cover][:, None, :]
+    is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
+    result: Bools = is_shared.sum(axis=1) == 2
     if result.any():
         candidates = F[corners_of(F[face], result, int(F.max()) + 1)[F].sum(axis=1) >= 2]
-        known = set(map(tuple, np.sort(candidates, axis=1).tolist()))
-        ends = np.stack([F[face][~mine & result[:, None]], F[other][~theirs & result[:, None]]], axis=1)
-        common = F[face][mine & result[:, None]].reshape(-1, 2)
+        triples = set(map(tuple, np.sort(candidates, axis=1).tolist()))
+        ends = np.stack([F[face][~is_shared & result[:, None]], F[cover][~is_shared_there & result[:, None]]], axis=1)
+        common = F[face][is_shared & result[:, None]].reshape(-1, 2)
         thirds = (np.sort(np.c_[ends, common[:, k]], axis=1).tolist() for k in (0, 1))
-        result[result] = [tuple(a) in known and tuple(b) in known for a, b in zip(*thirds, strict=True)]
+        result[result] = [tuple(a) in triples and tuple(b) in triples for a, b in zip(*thirds, strict=True)]
     return result
 
 
 def _one_sheet(V: Floats, F: Ints, edges: EdgeTable, covers: Ints) -> Bools:
     """Return faces (m,) of which none covers another: all other faces, then what continues them along edges. The face
     with the shortest longest edge comes first, so that the order of the faces does not matter."""
-    overlaps: dict[int, set[int]] = {}
-    for face, _, other in covers.tolist():
-        overlaps.setdefault(face, set()).add(other)
-        overlaps.setdefault(other, set()).add(face)
-    stays, undecided = np.ones(len(F), dtype=bool), set(overlaps)
-    stays[list(overlaps)] = False
-    beside = {
-        face: np.concatenate([edges.order[edges.start[k] : edges.start[k + 1]] // 3 for k in edges.of[face]])
-        for face in overlaps
-    }
+    overlaps, chosen = dict[int, set[int]](), list[int]()
+    for face, cover in np.stack(np.divmod(distinct(covers[:, 0] * len(F) + covers[:, 2]), len(F)), axis=1).tolist():
+        overlaps.setdefault(face, set()).add(cover)
+        overlaps.setdefault(cover, set()).add(face)
+    owners, start, undecided = (edges.order // 3).tolist(), edges.start.tolist(), set(overlaps)
+    sides = zip(overlaps, edges.of[list(overlaps)].tolist(), strict=True)
+    neighbours = {face: {owner for k in three for owner in owners[start[k] : start[k + 1]]} for face, three in sides}
     longest = lengths(V[edges.ends[:, 1]] - V[edges.ends[:, 0]])[edges.of].max(axis=1).round(9).tolist()
-    for seed in sorted(overlaps, key=lambda face: (not stays[beside[face]].any(), longest[face], face)):
+    for seed in sorted(overlaps, key=lambda face: (neighbours[face] <= overlaps.keys(), longest[face], face)):
         waiting = [(longest[seed], seed)]
         while waiting:
             _, face = heappop(waiting)
             if face in undecided:
-                stays[face] = True
                 undecided -= {face, *overlaps[face]}
-                for k in undecided.intersection(beside[face].tolist()):
+                chosen.append(face)
+                for k in neighbours[face] & undecided:
                     heappush(waiting, (longest[k], k))
+    stays = np.ones(len(F), dtype=bool)
+    stays[list(overlaps)] = False
+    stays[chosen] = True
     return stays
 
 
@@ -181,11 +181,11 @@ def _tied_faces(edges: EdgeTable, covers: Ints, faces: Ints) -> Bools:
     """Return which faces (k,) cannot be removed: without the faces joined to them, a remaining face would get a new
     free edge, as at a fold. On that edge only one face remains, and it does not cover them."""
     m, remaining = len(edges.of), np.full(len(edges.ends), -1)
-    others = np.delete(np.arange(m), faces)
-    remaining[edges.of[others]] = others[:, None]
+    remaining_faces = np.delete(np.arange(m), faces)
+    remaining[edges.of[remaining_faces]] = remaining_faces[:, None]
     keys = faces[:, None] * m + remaining[edges.of[faces]]
     covered = np.isin(keys, np.concatenate([covers[:, 0] * m + covers[:, 2], covers[:, 2] * m + covers[:, 0]]))
-    alone = np.bincount(edges.of[others].ravel(), minlength=len(edges.ends))[edges.of[faces]] == 1
+    alone = np.bincount(edges.of[remaining_faces].ravel(), minlength=len(edges.ends))[edges.of[faces]] == 1
     order = np.argsort(edges.of[faces].ravel(), kind="stable")
     joined = np.flatnonzero(np.diff(edges.of[faces].ravel()[order]) == 0)
     label = link_components(len(faces), order[joined] // 3, order[joined + 1] // 3)[1]
@@ -369,12 +369,12 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
     yield from overlap_remarks(V, F, np.concatenate([np.zeros(0, dtype=np.int64), *copies]))
 
 
-def overlap_remarks(V: Floats, F: Ints, known: Ints) -> Iterator[str]:
-    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on other faces, except the faces `known`."""
+def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
+    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out."""
     overlapping = overlapping_faces(V, F)
     remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
-        faces = np.setdiff1d(faces, known)
+        faces = np.setdiff1d(faces, reported)
         if len(faces):
             what = f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane"
             yield f"{what} (first: {first_few(faces)}), so the sheet is double there; {remedy}"

@@ -18,17 +18,11 @@ from dsfab.surface.files.gltf import read_glb, read_gltf
 from dsfab.surface.files.obj_and_off import read_obj, read_off
 from dsfab.surface.files.ply import read_ply
 from dsfab.surface.files.polygons import Polygons, triangles
-from dsfab.surface.files.reading import (
-    COARSE_STEP,
-    LARGEST_NUMBER,
-    Content,
-    MalformedFileError,
-    PolygonFile,
-    number_steps,
-    readable,
-)
+from dsfab.surface.files.reading import Content, MalformedFileError, PolygonFile, number_steps, readable
 from dsfab.surface.files.separate_process import read_3dm, read_cad
 from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
+
+OVERFLOW = float(np.finfo(np.float64).max) ** 0.25  # Squares of areas overflow for larger coordinates.
 
 
 def with_shared_vertices(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
@@ -210,13 +204,10 @@ def _checked_mesh(path: Path, raw: RawMesh) -> RawMesh:
         )
     used, F = np.unique(raw.F, return_inverse=True)
     largest = float(np.abs(raw.V[used][in_reach(raw.V[used])]).max(initial=0.0))
-    if largest > LARGEST_NUMBER:
-        raise SurfaceError(
-            f"{path} has coordinates up to {largest:.3g}, which no unit makes a building; export it again"
-        )
-    record, steps = raw.record, number_steps(raw.V, raw.F)
-    if steps.share > COARSE_STEP:
-        record = replace(record, read=(*record.read, steps.text))
+    if largest > OVERFLOW:
+        raise SurfaceError(f"{path} has coordinates up to {largest:.3g}, too large in any unit; export it again")
+    steps = number_steps(raw.V, raw.F, raw.unit)[1]
+    record = replace(raw.record, read=(*raw.record.read, steps)) if steps else raw.record
     if len(used) < n and not record.repaired:
         record = record.also((), (f"{count_phrase(n - len(used), 'vertex')} without a face",))
     return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)

@@ -95,8 +95,9 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
     if not len(raw.F):
         raise SurfaceError(f"{path}: the repair removed all faces: {'; '.join(raw.record.repaired)}; check the mesh")
     V = upright_vertices(raw.V * (metres_per(unit) if unit else raw.metres), up)
-    if (steps := number_steps(raw.V, raw.F, unit or raw.unit or "m")).share > LARGEST_STEP:
-        raise SurfaceError(f"{path}: {steps.text}")
+    share, steps = number_steps(raw.V, raw.F, unit or raw.unit or "m")
+    if share > LARGEST_STEP:
+        raise SurfaceError(f"{path}: {steps}")
     try:
         surface = oriented_surface(V, raw.F)
     except SurfaceError as error:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Literal, NamedTuple
+from typing import Literal
 
 import numpy as np
 
@@ -356,35 +356,28 @@ COARSE_STEP, LARGEST_STEP = 0.02, 0.5
 over 1 % of an edge, and refuses larger steps than the second, which can turn faces over."""
 
 
-class NumberSteps(NamedTuple):
-    """The coarsest step of a file's numbers, as a share of the mean edge, and a sentence about it."""
-
-    share: float
-    text: str
-
-
-def number_steps(V: Floats, F: Ints, unit: str | None = None) -> NumberSteps:
-    """Return the step of the coordinates V (n, 3) of faces F (m, 3) if the file holds few digits, else a share of 0.
-    Only meshes far from the origin have too few: if all of their numbers are 32-bit numbers, or have six digits.
-    unit : the unit of V, for the sentence."""
+def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, str]:
+    """Return the coarsest step of the coordinates V (n, 3) of faces F (m, 3), as a share of the mean edge, and a
+    sentence about it in `unit`; 0 and "" for a fine step.
+    Only meshes far from the origin have coarse steps: if all numbers are 32-bit numbers, or have `DIGITS` digits."""
     P = V[F].reshape(-1, 3)
     largest = np.abs(P).max(axis=0)
     if not np.isfinite(largest).all() or largest.max() <= FAR * np.ptp(P, axis=0).max():
-        return NumberSteps(0.0, "")
-    with np.errstate(over="ignore"):
-        single = P.astype(np.float32)
-    decade = np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS
-    if (single == P).all():
+        return 0.0, ""
+    tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
+    if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
-    elif (np.abs(P / 10.0**decade - np.rint(P / 10.0**decade)) < 1e-6).all():
-        step, why = 10.0 ** decade.max(axis=0), f"{DIGITS} digits"
+    elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
+        step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
-        return NumberSteps(0.0, "")
-    corners, k = P.reshape(-1, 3, 3), int(step.argmax())
-    edge = float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
+        return 0.0, ""
+    edges, k = V[F] - V[np.roll(F, 1, axis=1)], int(step.argmax())
+    edge = float(np.linalg.norm(edges, axis=2).mean())
+    if step[k] <= COARSE_STEP * edge:
+        return 0.0, ""
     of_step, of_edge = (f"{size:.2g} {unit or ''}".strip() for size in (step[k], edge))
     text = f"{'xyz'[k]} has steps of {of_step} here ({why}), an edge has {of_edge}: export it near the origin"
-    return NumberSteps(float(step[k]) / max(edge, 1e-300), text)
+    return float(step[k]) / max(edge, 1e-300), text
 
 
 @dataclass(frozen=True, eq=False)
