@@ -161,7 +161,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         cuts, chosen = _own_cuts(design, changed, rows, progress)
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
-        judged = [rows.judged(k) for k in range(len(stock))]
+        judged = [rows.full_trial(k) for k in range(len(stock))]
         trials += [*judged, *cuts]
         candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
     row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
@@ -178,7 +178,7 @@ def _own_cuts(
     trials, chosen = list[SizingTrial](), None
     k, count = rows.thinnest(), len(rows.trials)
     while 0 <= k < count and len(trials) < OWN_CUTS:
-        row = rows.judged(k)
+        row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
         trial = _trial(design, carrying(design), row)
         if trial.worst > 1:
@@ -188,7 +188,7 @@ def _own_cuts(
         trials, chosen = [*trials, trial], design
         ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in row.excess.items()}
         k -= 1
-        if k >= 0 and max(rows.judged(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
+        if k >= 0 and max(rows.full_trial(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
             break
     return trials, chosen
 
@@ -224,13 +224,13 @@ def _changes(design: Design) -> list[dict[str, Any]]:
 
 @dataclass
 class _StockTrials:
-    """Trials of each thickness of a stock on one cut sheet; `judged` computes the utilisation, which takes longest."""
+    """Trials of each thickness of a stock on one cut sheet; `full_trial` adds the utilisation, which takes longest."""
 
     design: Design
     basis: ThicknessBasis
     trials: list[SizingTrial] = field(default_factory=list)
 
-    def judged(self, k: int) -> SizingTrial:
+    def full_trial(self, k: int) -> SizingTrial:
         """Return the trial of thickness k with its utilisation."""
         row = self.trials[k]
         if row.utilisation is None:
@@ -241,8 +241,8 @@ class _StockTrials:
     def thinnest(self) -> int:
         """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one."""
         count = len(self.trials)
-        first = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
-        return bisect_left(range(count), True, lo=first, key=lambda k: self.judged(k).worst <= 1)
+        start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
+        return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
 
     def statics(self, t: float) -> CutStatics:
         return CutStatics(self.design, t, self.basis.loads_at(t), self.basis.answers(t))
