@@ -175,8 +175,9 @@ def _own_cuts(
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
     trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
-    trials, chosen = list[SizingTrial](), None
-    k, count = rows.thinnest(), len(rows.trials)
+    trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
+    start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
+    k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
     while 0 <= k < count and len(trials) < OWN_CUTS:
         row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
@@ -238,12 +239,6 @@ class _StockTrials:
             self.trials[k] = _trial(self.design, replace(outcome, buckling=row.buckling))
         return self.trials[k]
 
-    def thinnest(self) -> int:
-        """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one."""
-        count = len(self.trials)
-        start = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
-        return bisect_left(range(count), True, lo=start, key=lambda k: self.full_trial(k).worst <= 1)
-
     def statics(self, t: float) -> CutStatics:
         return CutStatics(self.design, t, self.basis.loads_at(t), self.basis.answers(t))
 
@@ -257,9 +252,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
     rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases))
     for t in stock:
         outcome, factors = use_and_movement(rows.statics(t), use=False), rows.basis.buckling_factors(t)
-        trial = _trial(design, replace(outcome, buckling=min(factors[name] for name in cases)))
-        excess = {name: value for name, value in trial.excess.items() if name != "utilisation"}
-        rows.trials.append(replace(trial, utilisation=None, excess=excess))
+        rows.trials.append(_trial(design, replace(outcome, buckling=min(factors[name] for name in cases))))
     return rows
 
 
@@ -267,13 +260,10 @@ def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) ->
     """Return the trial of a solved structure. row : its trial on the cut of another thickness, whose factor of buckling
     replaces one that `carrying` could not compute."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf")
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # only trials of a stock leave it out
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
-    excess = {
-        "utilisation": use / targets.utilisation,
-        "movement": movement * targets.movement,
-        "buckling": targets.buckling / factor,
-    }
+    excess = {} if use is None else {"utilisation": use / targets.utilisation}
+    excess |= {"movement": movement * targets.movement, "buckling": targets.buckling / factor}
     share = design.sheet.surface.area / design.surface.area
     return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, row is not None)
