@@ -263,7 +263,7 @@ def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) ->
     use = outcome.use.value if outcome.use else float("inf") if row else None  # only trials of a stock leave it out
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
-    excess = {} if use is None else {"utilisation": use / targets.utilisation}
+    excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}
     excess |= {"movement": movement * targets.movement, "buckling": targets.buckling / factor}
     share = design.sheet.surface.area / design.surface.area
     return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, row is not None)
