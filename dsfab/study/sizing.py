@@ -161,7 +161,7 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
         cuts, chosen = _own_cuts(design, changed, rows, progress)
         if chosen:
             return _with_result(chosen, SizingResult((*trials, *rows.trials, *cuts), source, changes))
-        judged = [rows.judged(k) for k in range(len(stock))]
+        judged = [rows.full_trial(k) for k in range(len(stock))]
         trials += [*judged, *cuts]
         candidates += [(row, changed.with_thickness(row.thickness)) for row in judged]
     row, nearest = min(candidates, key=lambda candidate: candidate[0].worst)
@@ -175,10 +175,11 @@ def _own_cuts(
 ) -> tuple[list[SizingTrial], Design | None]:
     """Return trials of designs that are cut with their own thickness, and the thinnest that meets all targets; its
     trial is the last. Wider members and larger fillets may make a thinner sheet than that of the rows sufficient."""
-    trials, chosen = list[SizingTrial](), None
-    k, count = rows.thinnest(), len(rows.trials)
+    trials, chosen, count = list[SizingTrial](), None, len(rows.trials)
+    start = next((k for k, row in enumerate(rows.trials) if row.worst <= 1), count)
+    k = bisect_left(range(count), True, lo=start, key=lambda k: rows.full_trial(k).worst <= 1)
     while 0 <= k < count and len(trials) < OWN_CUTS:
-        row = rows.judged(k)
+        row = rows.full_trial(k)
         design = Design.from_preset(preset.with_thickness(row.thickness), design, progress)
         trial = _trial(design, carrying(design), row)
         if trial.worst > 1:
@@ -188,7 +189,7 @@ def _own_cuts(
         trials, chosen = [*trials, trial], design
         ratios = {name: trial.excess[name] / value if value else 1.0 for name, value in row.excess.items()}
         k -= 1
-        if k >= 0 and max(rows.judged(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
+        if k >= 0 and max(rows.full_trial(k).excess[name] * ratio for name, ratio in ratios.items()) > 1:
             break
     return trials, chosen
 
@@ -224,25 +225,19 @@ def _changes(design: Design) -> list[dict[str, Any]]:
 
 @dataclass
 class _StockTrials:
-    """Trials of each thickness of a stock on one cut sheet; `judged` computes the utilisation, which takes longest."""
+    """Trials of each thickness of a stock on one cut sheet; `full_trial` adds the utilisation, which takes longest."""
 
     design: Design
     basis: ThicknessBasis
     trials: list[SizingTrial] = field(default_factory=list)
 
-    def judged(self, k: int) -> SizingTrial:
+    def full_trial(self, k: int) -> SizingTrial:
         """Return the trial of thickness k with its utilisation."""
         row = self.trials[k]
         if row.utilisation is None:
             outcome = use_and_movement(self.statics(row.thickness))
             self.trials[k] = _trial(self.design, replace(outcome, buckling=row.buckling))
         return self.trials[k]
-
-    def thinnest(self) -> int:
-        """Return the number of the thinnest sheet that meets all targets, by bisection; the length without one."""
-        count = len(self.trials)
-        first = next((k for k, row in enumerate(self.trials) if row.worst <= 1), count)
-        return bisect_left(range(count), True, lo=first, key=lambda k: self.judged(k).worst <= 1)
 
     def statics(self, t: float) -> CutStatics:
         return CutStatics(self.design, t, self.basis.loads_at(t), self.basis.answers(t))
@@ -257,9 +252,7 @@ def _stock_trials(design: Design, stock: Sequence[float], progress: Progress) ->
     rows = _StockTrials(design, ThicknessBasis.from_sheet(model, loads, (stock[0], stock[-1]), cases))
     for t in stock:
         outcome, factors = use_and_movement(rows.statics(t), use=False), rows.basis.buckling_factors(t)
-        trial = _trial(design, replace(outcome, buckling=min(factors[name] for name in cases)))
-        excess = {name: value for name, value in trial.excess.items() if name != "utilisation"}
-        rows.trials.append(replace(trial, utilisation=None, excess=excess))
+        rows.trials.append(_trial(design, replace(outcome, buckling=min(factors[name] for name in cases))))
     return rows
 
 
@@ -267,13 +260,10 @@ def _trial(design: Design, outcome: Carrying, row: SizingTrial | None = None) ->
     """Return the trial of a solved structure. row : its trial on the cut of another thickness, whose factor of buckling
     replaces one that `carrying` could not compute."""
     targets = design.preset.sizing
-    use = outcome.use.value if outcome.use else float("inf")
+    use = outcome.use.value if outcome.use else float("inf") if row else None  # only trials of a stock leave it out
     movement = outcome.movement.share if outcome.movement else float("inf")
     factor = outcome.buckling or (row.buckling if row else float("inf"))
-    excess = {
-        "utilisation": use / targets.utilisation,
-        "movement": movement * targets.movement,
-        "buckling": targets.buckling / factor,
-    }
+    excess: dict[str, float] = {} if use is None else {"utilisation": use / targets.utilisation}
+    excess |= {"movement": movement * targets.movement, "buckling": targets.buckling / factor}
     share = design.sheet.surface.area / design.surface.area
     return SizingTrial(outcome.thickness, share, use, movement, factor, outcome.mass, excess, row is not None)
