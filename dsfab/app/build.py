@@ -124,7 +124,8 @@ def build(
             announce = page.announcements(design, reporter, drawable.picture)
             saved = save(design, folder, reporter, drawable.picture, drawable.marked, announce)
         reporter.done()
-    is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
+    # a design that does not carry ends with its own exit code, and names a refused STEP in a line
+    is_optional = page.faulty or (files.format_ is None and (proposal or _step_is_optional(design.preset.export)))
     refused = [_refusal_line(saved.refused, design.preset, folder)] if saved.refused and is_optional else []
     page.print_rest(design, folder, saved, refused)
     if saved.refused and not is_optional:

@@ -333,8 +333,11 @@ def judged_span(surface: Surface, load: LoadCase) -> tuple[float, str]:
     """Return the span (m) that movements are compared with, and what it is in words.
     It is twice the largest distance of a vertex from the supports, measured across the direction of the load: in plan
     for snow, in height for wind on a wall. So a cantilever counts double, and a ring spans between its edges. For a
-    column below its load it is the largest distance itself, if that is longer."""
-    net, V = load.force.sum(axis=0), surface.V
+    column below its load it is the largest distance itself, if that is longer. The sheet's weight counts only if it is
+    the sole load, because it changes with the thickness: a wall in the wind spans its height at each thickness."""
+    net, V, parts = load.force.sum(axis=0), surface.V, load.parts
+    if parts is not None and (parts.point.any() or parts.bare.any() or parts.covered.any()):
+        net = net - surface.areas @ parts.weight
     down = net / (np.linalg.norm(net) or 1.0)
     across = V - (V @ down)[:, None] * down
     half, straight = (float(np.max(cKDTree(x[load.supported]).query(x)[0])) for x in (across, V))

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.core.errors import PatternError, StaticsError
 from dsfab.core.materials import STOCK
-from dsfab.core.messages import length, mass, table
+from dsfab.core.messages import length, load_factor, mass, table
 from dsfab.design import Design, Log, Progress, run, silent, surface_step
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
@@ -56,7 +56,7 @@ class SizingTrial:
         """The trial as texts, for a table."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
-        buckling = f"{self.buckling:.3g}" if np.isfinite(self.buckling) else "-"
+        buckling = load_factor(self.buckling) if np.isfinite(self.buckling) else "-"
         remark = f"misses {missed}" if missed else "meets all"
         final = ", cut with it" if self.is_final else ""
         figures = (f"{self.share:.0%}", f"{self.utilisation:.0%}", moved, buckling, mass(self.mass))

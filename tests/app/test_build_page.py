@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 from dsfab.app.build_page import LINES, BuildPage, Output
 from dsfab.app.terminal import ExitCode
@@ -38,6 +39,7 @@ def test_the_figures_name_member_place_span_and_mass():
     assert "20 mm at (0, 0, 4) m, 1/600 of the span 12 m" in lines[1]
     assert "6.5 times the load" in lines[2]
     assert "1.2 t, 60 mm thick" in lines[3]
+    assert "at over 1000 times the load" in [*figure_lines(replace(judged(), buckling=2.3e6))][2]
 
 
 def push(support, case, vertical, horizontal, direction=0.0, thrust=None):
@@ -78,9 +80,10 @@ def test_a_page_keeps_to_its_lines_and_says_how_many_are_left_out(capsys):
 def test_a_structure_that_does_not_carry_is_written_and_ends_with_5(capsys, tmp_path):
     folder = tmp_path / "o"
     thin = ["--set", "statics.thickness=0.004", "--set", "fabrication.accept=true", "--set", "statics.check=false"]
-    words = [*COARSE, *STEEL, *thin, "-f", "stl", "--no-picture", "-o", str(folder)]
-    code, out, err = run(capsys, "build", DOME_MODES, *words)
-    assert code == ExitCode.DOES_NOT_CARRY
+    files = ["-f", "stl,step", "--step", "faceted", "--max-faces", "100", "--no-picture", "-o", str(folder)]
+    code, out, err = run(capsys, "build", DOME_MODES, *COARSE, *STEEL, *thin, *files)
+    assert code == ExitCode.DOES_NOT_CARRY, "a refused STEP file does not hide it"
+    assert "left out: " in out
     lines = out.splitlines()
     assert lines[0].startswith("dome_modes DOES NOT CARRY its loads: ")
     assert lines[1].startswith("you must act: make it thicker")

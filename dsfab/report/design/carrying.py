@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import length, mass, point_words, table
+from dsfab.core.messages import length, load_factor, mass, point_words, table
 
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
@@ -58,7 +58,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
-        yield f"  buckling    at {carrying.buckling:.3g} times the load{under}, of a perfect shape"
+        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, of a perfect shape"
     yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
 
 
