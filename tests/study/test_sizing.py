@@ -16,7 +16,7 @@ from dsfab.design import Design
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
 from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
-from dsfab.study.calculix import lowest_buckling, solid_model
+from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
 from tests.calculix import ccx, needs_ccx
@@ -132,4 +132,41 @@ def test_the_figures_of_a_sized_structure_are_those_of_calculix(counted, tmp_pat
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     (load,) = design.cut_loads.values()
     solid = solid_model(sheet, normal, statics.thickness, statics.elastic, load)
+    assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)
+
+
+TOWER = {
+    "surface.edge": 0.6,
+    "surface.width": 4.0,
+    "surface.height": 8.0,
+    "surface.twist": 45.0,
+    "surface.load.0.force": (0, 0, -2e5),
+    "pattern.fillet": 0.0,
+    "pattern.weight_rounds": 0,
+    "pattern.keep": 0.4,
+    "pattern.width.member": 0.5,
+    "pattern.major.spacing": 2.0,
+    "pattern.minor.spacing": 2.0,
+    "slicing.min_member": None,
+    "statics": {"thickness": "auto", "material": "CLT"},
+    "sizing.first": 0.1,
+}
+"""A coarse tower in the wind, of CLT whose thickness is open."""
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_sized_tower_moves_and_buckles_as_a_solid_by_calculix_and_a_thinner_one_misses_a_target():
+    design = dsfab.sized_design(load_preset("tower", TOWER))
+    *rows, chosen = sizing_result(design).trials
+    assert max((row for row in rows if row.thickness < chosen.thickness), key=lambda row: row.thickness).worst > 1
+    sheet, statics = design.sheet, design.preset.statics
+    normal = sheet.weights @ design.surface.vertex_normals
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    (load,) = design.cut_loads.values()
+    solid = solid_model(sheet.surface, normal, statics.thickness, statics.elastic, load)
+    small = 0.01  # of the load: the path is still straight
+    path = load_path(solid, solid.solid.nodes, (small,), solid.solid.columns[:, 2], 120.0, steps=1)
+    moved = np.linalg.norm(path.u[-1], axis=1).max() / small
+    assert carrying(design).movement.value == pytest.approx(moved, rel=0.1)
     assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)
