@@ -12,7 +12,7 @@ from dsfab.app.cli import main
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError
 from dsfab.core.materials import STOCK
-from dsfab.design import Design
+from dsfab.design import Design, refusal
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
 from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
@@ -61,7 +61,7 @@ def test_the_thinnest_sheet_of_the_stock_that_meets_the_targets_is_chosen(counte
     chosen, rows = result.trials[-1], [trial for trial in result.trials if not trial.is_final]
     assert solves <= 5
     assert result.fits
-    assert [row.thickness for row in rows] == [t for t in STOCK["CLT"].metres if 0.1 / 3 <= t <= 0.3]
+    assert [row.thickness for row in rows] == [t for t in STOCK["CLT"].metres if 0.1 / 3 <= t <= 0.6]
     assert design.preset.statics.thickness == chosen.thickness
     assert all(trial.worst > 1 for trial in result.trials if trial.thickness < chosen.thickness)
     assert design.preset.slicing.min_member == chosen.thickness
@@ -81,6 +81,17 @@ def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted)
         judged, row = cut_carrying(cut_statics(first, thickness)), rows[thickness]
         figures = judged.use.value, judged.movement.share, judged.buckling, judged.mass
         np.testing.assert_allclose([row.utilisation, row.movement, row.buckling, row.mass], figures, rtol=0.03)
+
+
+def test_a_first_guess_that_is_far_too_thin_makes_no_difference(counted):
+    """With 30 mm a nearly flat vault would move by metres, and a build would refuse it."""
+    far = sizing_result(dsfab.sized_design(vault(sizing__first=0.03)))
+    assert far.fits
+    assert far.trials[-1].thickness == sizing_result(counted[0]).trials[-1].thickness
+    flat = vault(sizing__first=0.03, surface__rise=0.01, sizing__buckling=0, sizing__movement=30)
+    design = Design.from_preset(guessed_preset(flat))
+    assert "would move by" in refusal(design.preset, design.statics)
+    assert sizing_result(dsfab.sized_design(flat)).fits
 
 
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
