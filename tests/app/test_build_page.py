@@ -50,12 +50,14 @@ def push(support, case, vertical, horizontal, direction=0.0, thrust=None):
 def test_reactions_are_a_table_of_components_with_a_direction():
     rows = [push("foot 1", "snow", 31.9e3, 33.8e3, -147.5), push("wall", "snow", 70e3, 1.0, 12.0, thrust=40e3)]
     rows += [push("post", "snow", 5e3, 0.1), push("foot 2", "snow", 30e3, 20e3, 90.0, thrust=80e3)]
+    rows += [push("end", "snow", 251e3, 1.54e6, 1.0)]
     head, *lines = [line.split() for line in reaction_lines(rows)]
     assert " ".join(head) == "support pushes V up, kN H, kN H towards"
     assert lines[0] == ["foot", "1", "31.9", "33.8", "-148", "deg"]
     assert lines[1] == ["wall", "70", "40", "opposite", "ways"]
     assert lines[2] == ["post", "5", "0", "-"]
     assert lines[3] == ["foot", "2", "30", "20", "90", "deg"]
+    assert lines[4] == ["end", "251", "1540", "1", "deg"]
 
 
 def test_a_short_table_has_the_worst_case_of_the_largest_supports():
