@@ -68,6 +68,13 @@ def test_a_cantilever_has_the_movement_stress_and_reaction_of_a_beam():
     assert judged.outcome == "carries"
 
 
+def test_ribs_that_are_hardly_wider_than_thick_are_named():
+    design = strip((0, 0, -1e3))
+    for thickness, is_named in ((0.1, True), (0.05, False)):  # the strip is 0.2 m wide
+        remarks = cut_carrying(cut_statics(design, thickness)).remarks
+        assert any("times as wide as the sheet is thick" in words for words in remarks) is is_named
+
+
 @pytest.mark.parametrize(("share", "outcome"), [(0.5, "carries"), (1.1, "does not carry")])
 def test_a_column_carries_up_to_the_load_of_euler(share, outcome):
     critical = np.pi**2 * YOUNG * INERTIA / (4 * LENGTH**2)
