@@ -169,7 +169,7 @@ def test_an_ear_at_a_round_border_is_no_crease(way):
 
 
 def test_slivers_at_the_border_of_a_curved_sheet_do_not_stay():
-    """Triangulations of points have them; with a junk normal nothing collapsed them, and the sheet could not be thick."""
+    """Triangulations of points have them. Nothing collapsed them, because their normals are rounding."""
     plate = grid(12, 8, 12.0, 8.0)
     x, y, _ = plate.V.T
     V = np.stack([x, y, 0.3 * np.cos(x) * np.cos(y)], axis=1)
