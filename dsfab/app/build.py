@@ -86,7 +86,7 @@ def build(
     """Build a preset: verdict, picture, solid, sheet and numbers, in one folder.
 
     For a mesh file, dsfab proposes a preset as `dsfab new` does, and prints each decision. The exit code is 5 if the
-    structure does not carry its loads; the files are written all the same.
+    structure does not carry its loads, even if a file was refused; the files are written all the same.
 
     Parameters
     ----------
@@ -119,7 +119,7 @@ def build(
             announce = page.announcements(design, reporter, drawable.picture)
             saved = save(design, folder, reporter, drawable.picture, drawable.marked, announce)
         reporter.done()
-    is_optional = files.format_ is None and (proposal or _step_is_optional(design.preset.export))
+    is_optional = page.faulty or (files.format_ is None and (proposal or _step_is_optional(design.preset.export)))
     refused = [_refusal_line(saved.refused, design.preset, folder)] if saved.refused and is_optional else []
     page.print_rest(design, folder, saved, refused)
     if saved.refused and not is_optional:

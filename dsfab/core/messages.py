@@ -70,6 +70,15 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
+MEANINGFUL_FACTOR = 1000.0
+"""Largest factor on a load that is printed: above it the compression is nothing but rounding or a secondary effect."""
+
+
+def load_factor(factor: float) -> str:
+    """Return a factor on a load as text: '3.14', 'over 1000'."""
+    return f"{factor:.3g}" if factor <= MEANINGFUL_FACTOR else f"over {MEANINGFUL_FACTOR:.0f}"
+
+
 def duration(seconds: float) -> str:
     """Return a duration as text: '2.7 s', '40 s', '12 min', '3.5 h'."""
     if seconds < 99.5:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dsfab.core.errors import DsfabError
-from dsfab.core.messages import length, mass
+from dsfab.core.messages import length, load_factor, mass
 from dsfab.design.design import Design
 from dsfab.export import PreparedProgram, ProgramError, temporary_folder
 from dsfab.render import picture_program
@@ -57,7 +57,7 @@ def analysis_picture(design: Design, judged: "Carrying", look: Look = ANALYSIS_L
     total = float(np.linalg.norm(design.load.force.sum(axis=0)))
     loaded = structure_drawing(design, marks=("loads", "supports", "person"), size=look.size)
     loaded = replace(loaded, caption=f"{design.preset.name} - loads of {force_label(total)}, and supports", look=look)
-    buckles = f", buckles at {judged.buckling:.3g} times the load" if judged.buckling else ""
+    buckles = f", buckles at {load_factor(judged.buckling)} times the load" if judged.buckling else ""
     before = (judged.outcome if judged.faults else "cut sheet") + buckles
     if judged.stress is None:
         uncoloured = np.broadcast_to(np.array(palette.members, dtype=np.uint8), (surface.m, 3))

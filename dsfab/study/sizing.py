@@ -9,8 +9,8 @@ import numpy as np
 
 from dsfab.core.errors import PatternError, StaticsError
 from dsfab.core.materials import STOCK
-from dsfab.core.messages import length, mass, table
-from dsfab.design import Design, Log, Progress, run, silent, surface_step
+from dsfab.core.messages import length, load_factor, mass, table
+from dsfab.design import Design, Log, Progress, refusal, run, silent, surface_step
 from dsfab.preset.file import with_overrides
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal.sizes import sizes, two_digits
@@ -18,8 +18,9 @@ from dsfab.statics.thickness_basis import ThicknessBasis
 from dsfab.study.carrying import Carrying, CutStatics, carrying, cut_loads, use_and_movement
 from dsfab.study.fabrication import spacing_changes
 
-REACH = 3.0
-"""Largest ratio of a tried thickness to the first guess, up and down; solves at two thicknesses then suffice."""
+REACH, REACH_UP = 3.0, 6.0
+"""Largest ratio of the first guess to a tried thickness, and of a tried thickness to it; solves at two thicknesses then
+suffice. The guess follows from the span alone, and a footbridge of 28 m under people needs over 3 times it."""
 OWN_CUTS = 2
 """Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner."""
 SERIES = 1.15
@@ -57,7 +58,8 @@ class SizingTrial:
         """The trial as texts, for a table."""
         missed = ", ".join(name for name, value in self.excess.items() if value > 1)
         moved = f"span / {1 / self.movement:.0f}" if self.movement > 0 else "none"
-        buckling = f"{self.buckling:.3g}" if np.isfinite(self.buckling) else "-"
+        moved = moved if self.movement < 1 else "over its span"
+        buckling = load_factor(self.buckling) if np.isfinite(self.buckling) else "-"
         remark = f"misses {missed}" if missed else "meets all" if self.utilisation else ""
         final = ", cut with it" if self.is_final else ""
         use = "-" if self.utilisation is None else f"{self.utilisation:.0%}"
@@ -145,9 +147,9 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     Raises PresetError for a preset without a strength, and the DsfabError of a stage that fails."""
     preset.statics.require_strength()
     guess = guessed_preset(preset)
-    thickness = guess.statics.thickness
-    stock, source = _stock(preset, thickness)
-    design, trials = Design.from_preset(guess, None, progress), list[SizingTrial]()
+    stock, source = _stock(preset, guess.statics.thickness)
+    design, trials = _standing_design(guess, stock[-1], progress), list[SizingTrial]()
+    thickness = design.preset.statics.thickness
     candidates, ladder = list[tuple[SizingTrial, Preset]](), _changes(design)
     for changes in ladder:
         changed = with_overrides(preset, changes)
@@ -168,6 +170,13 @@ def sized_design(preset: Preset, progress: Progress = silent) -> Design:
     design = Design.from_preset(nearest, design, progress)
     trials.append(_trial(design, carrying(design), row))
     return _with_result(design, SizingResult(tuple(trials), source, {}))
+
+
+def _standing_design(guess: Preset, thickest: float, progress: Progress) -> Design:
+    """Return the design of a first guess, or of the thickest sheet (m) if the uncut sheet moves too much to go on."""
+    design = Design.from_preset(guess, None, progress)
+    is_refused = bool(refusal(guess, design.statics))
+    return Design.from_preset(guess.with_thickness(thickest), design, progress) if is_refused else design
 
 
 def _own_cuts(
@@ -205,10 +214,10 @@ def _stock(preset: Preset, guess: float) -> tuple[Sequence[float], str]:
         return sorted(preset.sizing.thicknesses), "sizing.thicknesses of the preset"
     stock = STOCK.get(preset.statics.material or "")
     if stock is None:
-        steps = int(np.log(REACH) / np.log(SERIES))
-        series = [two_digits(guess * SERIES**k) for k in range(-steps, steps + 1)]
+        down, up = (int(np.log(reach) / np.log(SERIES)) for reach in (REACH, REACH_UP))
+        series = [two_digits(guess * SERIES**k) for k in range(-down, up + 1)]
         return series, "steps of 15 %, because statics.material names no material with a stock"
-    within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH]
+    within_reach = [t for t in stock.metres if 1 / REACH <= t / guess <= REACH_UP]
     source = f"{preset.statics.material}, {stock.source}"
     return within_reach or [min(stock.metres, key=lambda t: abs(t - guess))], source
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 from dsfab.app.build_page import LINES, BuildPage, Output
 from dsfab.app.terminal import ExitCode
@@ -38,6 +39,7 @@ def test_the_figures_name_member_place_span_and_mass():
     assert "20 mm at (0, 0, 4) m, 1/600 of the span 12 m" in lines[1]
     assert "6.5 times the load" in lines[2]
     assert "1.2 t, 60 mm thick" in lines[3]
+    assert "at over 1000 times the load" in [*figure_lines(replace(judged(), buckling=2.3e6))][2]
 
 
 def push(support, case, vertical, horizontal, direction=0.0, thrust=None):
@@ -48,12 +50,14 @@ def push(support, case, vertical, horizontal, direction=0.0, thrust=None):
 def test_reactions_are_a_table_of_components_with_a_direction():
     rows = [push("foot 1", "snow", 31.9e3, 33.8e3, -147.5), push("wall", "snow", 70e3, 1.0, 12.0, thrust=40e3)]
     rows += [push("post", "snow", 5e3, 0.1), push("foot 2", "snow", 30e3, 20e3, 90.0, thrust=80e3)]
+    rows += [push("end", "snow", 251e3, 1.54e6, 1.0)]
     head, *lines = [line.split() for line in reaction_lines(rows)]
     assert " ".join(head) == "support pushes V up, kN H, kN H towards"
     assert lines[0] == ["foot", "1", "31.9", "33.8", "-148", "deg"]
     assert lines[1] == ["wall", "70", "40", "opposite", "ways"]
     assert lines[2] == ["post", "5", "0", "-"]
     assert lines[3] == ["foot", "2", "30", "20", "90", "deg"]
+    assert lines[4] == ["end", "251", "1540", "1", "deg"]
 
 
 def test_a_short_table_has_the_worst_case_of_the_largest_supports():
@@ -78,9 +82,10 @@ def test_a_page_keeps_to_its_lines_and_says_how_many_are_left_out(capsys):
 def test_a_structure_that_does_not_carry_is_written_and_ends_with_5(capsys, tmp_path):
     folder = tmp_path / "o"
     thin = ["--set", "statics.thickness=0.004", "--set", "fabrication.accept=true", "--set", "statics.check=false"]
-    words = [*COARSE, *STEEL, *thin, "-f", "stl", "--no-picture", "-o", str(folder)]
-    code, out, err = run(capsys, "build", DOME_MODES, *words)
-    assert code == ExitCode.DOES_NOT_CARRY
+    files = ["-f", "stl,step", "--step", "faceted", "--max-faces", "100", "--no-picture", "-o", str(folder)]
+    code, out, err = run(capsys, "build", DOME_MODES, *COARSE, *STEEL, *thin, *files)
+    assert code == ExitCode.DOES_NOT_CARRY, "a refused STEP file does not hide it"
+    assert "left out: " in out
     lines = out.splitlines()
     assert lines[0].startswith("dome_modes DOES NOT CARRY its loads: ")
     assert lines[1].startswith("you must act: make it thicker")

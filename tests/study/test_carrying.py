@@ -11,7 +11,7 @@ from dsfab.preset.model import Preset
 from dsfab.results import SlicingResult
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics, judged_span, use_and_movement
 from dsfab.study.verdict import whole_sheet
-from dsfab.surface import All, Force, LoadCase, Side, Support, Vertices
+from dsfab.surface import All, Force, LoadCase, Pressure, SelfWeight, Side, Support, Vertices
 from tests.shapes import annulus, grid
 
 LENGTH, WIDTH, THICKNESS, YOUNG = 2.0, 0.2, 0.02, 210e9
@@ -66,6 +66,13 @@ def test_a_cantilever_has_the_movement_stress_and_reaction_of_a_beam():
     assert judged.use.place[0] < 0.1 * LENGTH
     assert judged.buckling is None
     assert judged.outcome == "carries"
+
+
+def test_ribs_that_are_hardly_wider_than_thick_are_named():
+    design = strip((0, 0, -1e3))
+    for thickness, is_named in ((0.1, True), (0.05, False)):  # the strip is 0.2 m wide
+        remarks = cut_carrying(cut_statics(design, thickness)).remarks
+        assert any("times as wide as the sheet is thick" in words for words in remarks) is is_named
 
 
 @pytest.mark.parametrize(("share", "outcome"), [(0.5, "carries"), (1.1, "does not carry")])
@@ -132,6 +139,10 @@ def test_the_span_follows_from_the_supports():
     assert judged_span(plate, held(plate, x == 0))[0] == pytest.approx(16.0)
     wall = judged_span(plate, held(plate, x == 0, (0, 1.0, 0)))  # the load lies in the plate: its height counts double
     assert wall[0] == pytest.approx(16.0)
+    for weight in (0.01, 100.0):  # a thick wall is heavier than its wind; its span stays twice its height
+        base = [Support(Vertices(tuple(np.flatnonzero(x == 0).tolist())), "xyz")]
+        heavy = LoadCase.build(plate, base, [SelfWeight((-1.0, 0, 0)), Pressure(1.0)], weight)
+        assert judged_span(plate, heavy)[0] == pytest.approx(16.0)
     ring = annulus(24, 4, 1.0, 3.0)
     r = np.linalg.norm(ring.V, axis=1)
     assert judged_span(ring, held(ring, (r < 1.01) | (r > 2.99)))[0] == pytest.approx(2.0, rel=0.02)

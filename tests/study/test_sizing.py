@@ -12,11 +12,11 @@ from dsfab.app.cli import main
 from dsfab.app.options import Source
 from dsfab.core.errors import PresetError
 from dsfab.core.materials import STOCK
-from dsfab.design import Design
+from dsfab.design import Design, refusal
 from dsfab.preset.file import load_preset, preset_toml, with_overrides
 from dsfab.statics import factorisation
 from dsfab.study import guessed_preset, run_sized, sized_preset, sizing_result
-from dsfab.study.calculix import lowest_buckling, solid_model
+from dsfab.study.calculix import load_path, lowest_buckling, solid_model
 from dsfab.study.carrying import carrying, cut_carrying, cut_statics
 from dsfab.study.check_model import cut_model
 from tests.calculix import ccx, needs_ccx
@@ -61,7 +61,7 @@ def test_the_thinnest_sheet_of_the_stock_that_meets_the_targets_is_chosen(counte
     chosen, rows = result.trials[-1], [trial for trial in result.trials if not trial.is_final]
     assert solves <= 5
     assert result.fits
-    assert [row.thickness for row in rows] == [t for t in STOCK["CLT"].metres if 0.1 / 3 <= t <= 0.3]
+    assert [row.thickness for row in rows] == [t for t in STOCK["CLT"].metres if 0.1 / 3 <= t <= 0.6]
     assert design.preset.statics.thickness == chosen.thickness
     assert all(trial.worst > 1 for trial in result.trials if trial.thickness < chosen.thickness)
     assert design.preset.slicing.min_member == chosen.thickness
@@ -84,6 +84,17 @@ def test_the_figures_of_an_unsolved_thickness_are_those_of_a_full_solve(counted)
         np.testing.assert_allclose([row.movement, row.buckling, row.mass], figures, rtol=0.006)
         if row.utilisation:
             np.testing.assert_allclose(row.utilisation, judged.use.value, rtol=0.006)
+
+
+def test_a_first_guess_that_is_far_too_thin_makes_no_difference(counted):
+    """With 30 mm a nearly flat vault would move by metres, and a build would refuse it."""
+    far = sizing_result(dsfab.sized_design(vault(sizing__first=0.03)))
+    assert far.fits
+    assert far.trials[-1].thickness == sizing_result(counted[0]).trials[-1].thickness
+    flat = vault(sizing__first=0.03, surface__rise=0.01, sizing__buckling=0, sizing__movement=30)
+    design = Design.from_preset(guessed_preset(flat))
+    assert "would move by" in refusal(design.preset, design.statics)
+    assert sizing_result(dsfab.sized_design(flat)).fits
 
 
 def test_targets_that_no_thickness_meets_bring_more_material_and_closer_members(tmp_path, capsys):
@@ -135,4 +146,41 @@ def test_the_figures_of_a_sized_structure_are_those_of_calculix(counted, tmp_pat
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     (load,) = design.cut_loads.values()
     solid = solid_model(sheet, normal, statics.thickness, statics.elastic, load)
+    assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)
+
+
+TOWER = {
+    "surface.edge": 0.6,
+    "surface.width": 4.0,
+    "surface.height": 8.0,
+    "surface.twist": 45.0,
+    "surface.load.0.force": (0, 0, -2e5),
+    "pattern.fillet": 0.0,
+    "pattern.weight_rounds": 0,
+    "pattern.keep": 0.4,
+    "pattern.width.member": 0.5,
+    "pattern.major.spacing": 2.0,
+    "pattern.minor.spacing": 2.0,
+    "slicing.min_member": None,
+    "statics": {"thickness": "auto", "material": "CLT"},
+    "sizing.first": 0.1,
+}
+"""A coarse tower in the wind, of CLT whose thickness is open."""
+
+
+@pytest.mark.slow
+@needs_ccx
+def test_a_sized_tower_moves_and_buckles_as_a_solid_by_calculix_and_a_thinner_one_misses_a_target():
+    design = dsfab.sized_design(load_preset("tower", TOWER))
+    *rows, chosen = sizing_result(design).trials
+    assert max((row for row in rows if row.thickness < chosen.thickness), key=lambda row: row.thickness).worst > 1
+    sheet, statics = design.sheet, design.preset.statics
+    normal = sheet.weights @ design.surface.vertex_normals
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    (load,) = design.cut_loads.values()
+    solid = solid_model(sheet.surface, normal, statics.thickness, statics.elastic, load)
+    small = 0.01  # of the load: the path is still straight
+    path = load_path(solid, solid.solid.nodes, (small,), solid.solid.columns[:, 2], 120.0, steps=1)
+    moved = np.linalg.norm(path.u[-1], axis=1).max() / small
+    assert carrying(design).movement.value == pytest.approx(moved, rel=0.1)
     assert chosen.buckling == pytest.approx(lowest_buckling(solid, 120.0)[0], rel=0.1)

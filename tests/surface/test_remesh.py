@@ -168,6 +168,21 @@ def test_an_ear_at_a_round_border_is_no_crease(way):
     assert new.V[new.edges.ends[new.edges.boundary].ravel(), 2] == pytest.approx(0, abs=1e-12)
 
 
+def test_slivers_at_the_border_of_a_curved_sheet_do_not_stay():
+    """Triangulations of points have them. Nothing collapsed them, because their normals are rounding."""
+    plate = grid(12, 8, 12.0, 8.0)
+    x, y, _ = plate.V.T
+    V = np.stack([x, y, 0.3 * np.cos(x) * np.cos(y)], axis=1)
+    rim = plate.F[(y[plate.F] == 0).sum(axis=1) == 2]
+    corner = [face[y[face] == 0] for face in rim]
+    tip = np.array([V[ends].mean(axis=0) + (0, 5e-4, 0.005) for ends in corner])
+    whole = [face for face in plate.F if (y[face] == 0).sum() < 2]
+    for k, face in enumerate(rim):  # each face at the border y = 0 becomes three around a point beside the border
+        whole += [[face[j], face[(j + 1) % 3], plate.n + k] for j in range(3)]
+    mesh = remeshed_surface(Surface(np.concatenate([V, tip]), np.array(whole)), 0.45)
+    assert smallest_angle(mesh) > 15
+
+
 def test_noise_makes_no_creases_and_coarsens():
     """A plate of 7 200 triangles with noise of a fifth of its edges: 3 555 edges are sharp by chance."""
     rough = jittered(grid(60, 60, 1.0, 1.0), 0.0)

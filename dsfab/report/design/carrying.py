@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from math import hypot
 from typing import TYPE_CHECKING, Any
 
-from dsfab.core.messages import length, mass, point_words, table
+from dsfab.core.messages import length, load_factor, mass, point_words, table
 
 if TYPE_CHECKING:
     from dsfab.study.carrying import Carrying
@@ -58,7 +58,7 @@ def figure_lines(carrying: "Carrying") -> Iterator[str]:
         yield f"  movement    {words} ({moved.about}){under}"
     if carrying.buckling is not None:
         under = f", {carrying.buckling_case}" if several else ""
-        yield f"  buckling    at {carrying.buckling:.3g} times the load{under}, of a perfect shape"
+        yield f"  buckling    at {load_factor(carrying.buckling)} times the load{under}, of a perfect shape"
     yield f"  mass        {mass(carrying.mass)}, {length(carrying.thickness)} thick"
 
 
@@ -93,12 +93,17 @@ def reaction_lines(reactions: Sequence[Mapping[str, Any]], every: bool = False) 
 
 def _reaction_row(row: Mapping[str, Any], several: bool) -> tuple[str, ...]:
     size, thrust = row["horizontal"], row["thrust"]
-    words = f"{size / 1e3:.3g}", f"{row['direction']:.0f} deg"
+    words = _kilonewtons(size), f"{row['direction']:.0f} deg"
     if thrust <= LEVEL * _size(row):
         words = "0", "-"
     elif size < OPPOSED * thrust:
-        words = f"{thrust / 1e3:.3g}", "opposite ways"
-    return row["support"], *((row["case"],) if several else ()), f"{row['vertical'] / 1e3:.3g}", *words
+        words = _kilonewtons(thrust), "opposite ways"
+    return row["support"], *((row["case"],) if several else ()), _kilonewtons(row["vertical"]), *words
+
+
+def _kilonewtons(newtons: float) -> str:
+    """Return a force in kN without its unit: '8.82', '1540'."""
+    return f"{newtons / 1e3:.3g}" if abs(newtons) < 999.5e3 else f"{newtons / 1e3:.0f}"
 
 
 def _size(row: Mapping[str, Any]) -> float:

@@ -18,6 +18,7 @@ from dsfab.surface.remesh.edges import (
     with_edges_flipped,
     with_long_edges_halved,
     with_short_edges_collapsed,
+    without_rim_slivers,
 )
 from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves, design_features, feature_curves
 from dsfab.surface.remesh.mirrors import PLANE_TOLERANCE, Chamber, Mirrors
@@ -48,10 +49,10 @@ def remeshed_surface(
 
     Boundaries, and creases of more than 30 degrees, move by at most a fiftieth of `edge`; their corners do not move.
     The bounding box, the numbers of pieces and holes, and the orientation of the faces do not change. Creases that
-    slivers and noise cause are removed (`design_features`), and so are ears (`with_ears_flipped`). Edges are shorter
-    if these limits require it, and between close curves. Equal surfaces give equal meshes. Without `sizes`, a surface
-    with mirror symmetries (within a twentieth of `edge`) gets an exactly symmetric mesh, whose bounding box is exact
-    to a fiftieth of `edge`.
+    slivers and noise cause are removed (`design_features`), and so are ears (`with_ears_flipped`) and slivers at the
+    border (`without_rim_slivers`). Edges are shorter if these limits require it, and between close curves. Equal
+    surfaces give equal meshes. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
+    exactly symmetric mesh, whose bounding box is exact to a fiftieth of `edge`.
 
     Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
     repeated faces, and edges of more than two faces."""
@@ -61,7 +62,7 @@ def remeshed_surface(
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for field in sizes or [SizeField(surface, np.full(surface.n, edge))]:
         _check_count(field, finest or float(field.length.min()))
-    surface = with_ears_flipped(surface)
+    surface = with_ears_flipped(without_rim_slivers(surface, edge))
     nearest_to = NearestOnSurface(surface)
     by_sides = _by_sides(nearest_to, edge, smooth, sizes) if mirrored else None
     if by_sides and _smallest_angle(by_sides) > SHARP_ANGLE:
