@@ -175,12 +175,12 @@ def _corner(line: MiddleLine, begin: float, end: float) -> int:
 
 
 def _bend(turn: Floats) -> tuple[int, int]:
-    first = last = int(turn.argmax())
-    while first > 0 and turn[first - 1] > TURN:
-        first -= 1
-    while last < len(turn) - 1 and turn[last + 1] > TURN:
-        last += 1
-    return first, last
+    begin = end = int(turn.argmax())
+    while begin > 0 and turn[begin - 1] > TURN:
+        begin -= 1
+    while end < len(turn) - 1 and turn[end + 1] > TURN:
+        end += 1
+    return begin, end
 
 
 KNOTS, COARSE = 4.0, 2.0

@@ -134,13 +134,13 @@ class Previewer:
 
     def can_display(self, preset: Preset) -> bool:
         """Return whether `display` can draw a preset: its geometry and loads must be those of the current preset."""
-        old, shown = self._preset, self._show
-        same_shape = preset.first_difference(old) != "surface" and (
-            (shown not in (*colouring.DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
+        drawn, shown = self._preset, self._show
+        same_shape = preset.first_difference(drawn) != "surface" and (
+            (shown not in (*colouring.DEFORMED, "directions") and not self._arrows) or preset.statics == drawn.statics
         )
-        if self._arrows and getattr(preset.pattern, shown[:5]).mode != getattr(old.pattern, shown[:5]).mode:
+        if self._arrows and getattr(preset.pattern, shown[:5]).mode != getattr(drawn.pattern, shown[:5]).mode:
             return False
-        return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == old.diffusion)
+        return same_shape and (not (self._arrows or shown == "directions") or preset.diffusion == drawn.diffusion)
 
     def display(self, preset: Preset) -> None:
         """Draw a preset of the same surface from now on. Changed frequencies, phases and thresholds of plain stripes

@@ -260,11 +260,11 @@ class Shape:
         """Vertices (k,) in the sheet or on its edge that are lower than all around them, where water would stand."""
         V, z = self.surface.V, self.surface.V[:, 2]
         tree = cKDTree(V[:, :2])
-        near, lowest, hollows = self.width / 12, z.copy(), list[int]()
-        for pair in (pairs := tree.query_pairs(near, output_type="ndarray")).T, pairs.T[::-1]:
+        radius, lowest, hollows = self.width / 12, z.copy(), list[int]()
+        for pair in (pairs := tree.query_pairs(radius, output_type="ndarray")).T, pairs.T[::-1]:
             np.minimum.at(lowest, pair[0], z[pair[1]])
         for k in np.flatnonzero(z <= lowest).tolist():
-            ring = np.setdiff1d(*(tree.query_ball_point(V[k, :2], reach) for reach in (self.width / 7, near)))
+            ring = np.setdiff1d(*(tree.query_ball_point(V[k, :2], reach) for reach in (self.width / 7, radius)))
             is_deep = len(ring) and z[ring].min() - z[k] > max(RISE * self.rise, 0.002 * self.width)
             if is_deep and all(np.linalg.norm(V[k, :2] - V[j, :2]) > self.width / 8 for j in hollows):
                 hollows.append(k)

@@ -126,10 +126,10 @@ def comparison_section(
     for rival in spreads:
         assert rival.spread is not None
         spread = rival.spread
-        best, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
+        least, mean, worst = (significant_digits(x / full) for x in (spread.best, spread.mean, spread.worst))
         words = (
             f"{LABELS[rival.name]}: {spread.carried} of {spread.tried} variants carry the loads, by one solve each "
-            f"from {best} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table has "
+            f"from {least} to {worst} times the compliance of the whole sheet, {mean} times in the mean; the table has "
             "the stiffest."
         )
         blocks.append(Paragraph(words, "quiet"))
