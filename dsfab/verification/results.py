@@ -81,9 +81,8 @@ def _rows(
         rate = observed_rate(values[k - 2 : k + 1]) if k >= 2 else None
         verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
         of_limit = None if test.limit is None or value is None else value / test.limit
-        where = test.name, mesh, elements, test.cells[k], count
-        judged = test.source, verdict, target, met, test.limit, of_limit
-        rows.append(VerificationRow(*where, value, test.reference, ratios[k], rate, *judged))
+        tested = test.name, mesh, elements, test.cells[k], count, value, test.reference, ratios[k], rate
+        rows.append(VerificationRow(*tested, test.source, verdict, target, met, test.limit, of_limit))
     return rows
 
 

@@ -101,9 +101,9 @@ class _StripEnd:
         s = s[::-1] if at_end else s
         return cls(name, at_end, width, course.frame_at(s)[0], s)
 
-    def is_beside(self, other: "_StripEnd") -> bool:
-        width = (self.width + other.width) / 2
-        return self.name != other.name and bool(np.linalg.norm(self.places[0] - other.places[0]) < width)
+    def is_beside(self, rival: "_StripEnd") -> bool:
+        width = (self.width + rival.width) / 2
+        return self.name != rival.name and bool(np.linalg.norm(self.places[0] - rival.places[0]) < width)
 
     def clear_station(self, rival: "_StripEnd") -> float | None:
         """Return the arc length from which the strip is clear of a rival strip; None if the two do not overlap."""

@@ -180,7 +180,7 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     r"""Triangles of polygons (g, size) and the row of each, by dynamic programming over sub-polygons i, i + 1, ..., j.
 
-      k          best[i, j] = max over k of min(best[i, k], best[k, j], quality(i, k, j)):
+      k          rating[i, j] = max over k of min(rating[i, k], rating[k, j], quality(i, k, j)):
      / \\         the triangle on the chord i-j, and the best triangulations on its two other sides.
     i---j
     """
@@ -188,15 +188,15 @@ def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
     if size == 3:
         return polygons, np.arange(g)
     P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
-    best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
+    rating = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
     apex = np.zeros((size, size, g), dtype=np.int64)
     for span in range(2, size):
         for i in range(size - span):
             j = i + span
-            each_apex = [(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
+            each_apex = [(np.minimum(rating[i, k], rating[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
             worst = np.stack([np.minimum(*qualities) for qualities in each_apex])
             apex[i, j] = i + 1 + worst.argmax(axis=0)
-            best[i, j] = worst.max(axis=0)
+            rating[i, j] = worst.max(axis=0)
     return _chosen_triangles(polygons, apex)
 
 

@@ -382,9 +382,11 @@ def _family(
     family_bays = bays(lines)
     sizes = (spacing, area * chart.free * has_spacing), (opening, area * chart.void * has_spacing)
     quantiles = _quantiles(*sizes[0]), _quantiles(*sizes[1])
-    off = float(weight @ deviation) / total, float(weight @ (deviation > OFF)) / total
+    off_direction = float(weight @ deviation) / total, float(weight @ (deviation > OFF)) / total
     ends = dead_ends(lines, direction[:, k], deviation, turning)
-    return FamilyQuality(*quantiles, *off, ends, family_bays.slits, family_bays.slit_share, shown), family_bays
+    return FamilyQuality(
+        *quantiles, *off_direction, ends, family_bays.slits, family_bays.slit_share, shown
+    ), family_bays
 
 
 def _quantiles(values: Floats, weight: Floats) -> Quantiles:
