@@ -377,8 +377,8 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
         faces = np.setdiff1d(faces, reported)
         if len(faces):
             yield (
-                f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane (first: {first_few(faces)}), "
-                f"so the sheet is double there; {remedy}"
+                f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane "
+                f"(first: {first_few(faces)}), so the sheet is double there; {remedy}"
             )
 
 
