@@ -20,6 +20,8 @@ COMMANDS = {
     "is empty": "build empty.obj",
     "and no faces": "build points.obj",
     "is in miles": "build miles.dxf",
+    "has steps of": "build far.off",
+    "closed parts touch": "build tetrahedra.obj",
     "would move": "build dome --set statics.young=1e7",
     "which is impossible": "build dome --set statics.thickness=60",
     "touch no support": "build two.obj --set surface.support=[{at={pick='boundary',loop=0},hold='xyz'}]",
@@ -52,7 +54,11 @@ SLOW = ("fits on the stock", "cannot keep")
 def desk(tmp_path, monkeypatch):
     """A folder with files that are broken in the usual ways."""
     two = "".join(f"v {x} {y} 0\n" for x, y in ((0, 0), (1, 0), (0, 1), (5, 5), (6, 5), (5, 6))) + "f 1 2 3\nf 4 5 6\n"
+    corners = "0 0 0", "1 0 0", "0 1 0", "0 0 1", "-1 0 0", "0 -1 0", "0 0 -1"
+    faces = "1 3 2", "1 2 4", "1 4 3", "2 3 4", "1 5 6", "1 7 5", "1 6 7", "5 7 6"
     texts = {
+        "far.off": "OFF\n3 1 0\n691234 0 0.1\n691235 0 0.1\n691234 1 0.1\n3 0 1 2\n",
+        "tetrahedra.obj": "".join([*(f"v {point}\n" for point in corners), *(f"f {face}\n" for face in faces)]),
         "roof.dwg": "AC1032",
         "empty.obj": "",
         "points.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",

@@ -133,7 +133,7 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     counts = np.minimum(height, back) <= WELD
     if not counts.all():
         counts |= _of_one_quad(merged_vertices(V, WELD)[1][F], face, cover)
-    return np.stack([face, samples[row], cover], axis=1)[counts]
+    return np.asarray(np.stack([face, samples[row], cover], axis=1)[counts])
 
 
 def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
@@ -376,8 +376,10 @@ def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
         faces = np.setdiff1d(faces, reported)
         if len(faces):
-            what = f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane"
-            yield f"{what} (first: {first_few(faces)}), so the sheet is double there; {remedy}"
+            yield (
+                f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane "
+                f"(first: {first_few(faces)}), so the sheet is double there; {remedy}"
+            )
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
