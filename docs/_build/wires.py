@@ -14,8 +14,9 @@ from matplotlib.path import Path
 import dsfab
 from dsfab.app.hops.components import COMPONENTS
 from dsfab.app.hops.server import solve_request
-from dsfab.export import mesh_arrays, mesh_json
+from dsfab.export import mesh_json
 from dsfab.render.picture import Look, picture
+from dsfab.surface.files.rhino_and_step import read_rhino_json
 
 INK, WIRE, CANVAS, BOX, DARK, NOTE = "#2b2b2b", "#5c5c5c", "#d6d6d0", "#f2f2ee", "#4a4a4a", "#f6edb8"
 ROW = 0.42
@@ -49,7 +50,8 @@ def drawn(file: Any) -> Figure:
     component(place)
     sources(place, len(surface.F))
     answers(place, given)
-    solid = picture(*mesh_arrays(given["solid"][0]["data"]), look=Look((900, 768)))
+    mesh = read_rhino_json(given["solid"][0]["data"])
+    solid = picture(mesh.V, mesh.F, look=Look((900, 768)))
     shown = figure.add_axes((9.3 / 13.2, 0.9 / 4.6, 3.75 / 13.2, 3.2 / 4.6))
     shown.imshow(solid, aspect="auto")
     shown.set_axis_off()

@@ -21,7 +21,7 @@ COMMANDS = {
     "and no faces": "build points.obj",
     "is in miles": "build miles.dxf",
     "has steps of": "build far.off",
-    "closed parts touch": "build tetrahedra.obj",
+    "closed parts touch": "build corner.obj",
     "would move": "build dome --set statics.young=1e7",
     "which is impossible": "build dome --set statics.thickness=60",
     "touch no support": "build two.obj --set surface.support=[{at={pick='boundary',loop=0},hold='xyz'}]",
@@ -58,7 +58,7 @@ def desk(tmp_path, monkeypatch):
     faces = "1 3 2", "1 2 4", "1 4 3", "2 3 4", "1 5 6", "1 7 5", "1 6 7", "5 7 6"
     texts = {
         "far.off": "OFF\n3 1 0\n691234 0 0.1\n691235 0 0.1\n691234 1 0.1\n3 0 1 2\n",
-        "tetrahedra.obj": "".join([*(f"v {point}\n" for point in corners), *(f"f {face}\n" for face in faces)]),
+        "corner.obj": "".join([*(f"v {point}\n" for point in corners), *(f"f {face}\n" for face in faces)]),
         "roof.dwg": "AC1032",
         "empty.obj": "",
         "points.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\n",

@@ -264,7 +264,8 @@ class Shape:
         for pair in (pairs := tree.query_pairs(radius, output_type="ndarray")).T, pairs.T[::-1]:
             np.minimum.at(lowest, pair[0], z[pair[1]])
         for k in np.flatnonzero(z <= lowest).tolist():
-            ring = np.setdiff1d(*(tree.query_ball_point(V[k, :2], reach) for reach in (self.width / 7, radius)))
+            inner, outer = (tree.query_ball_point(V[k, :2], reach) for reach in (radius, self.width / 7))
+            ring = np.setdiff1d(outer, inner)
             is_deep = len(ring) and z[ring].min() - z[k] > max(RISE * self.rise, 0.002 * self.width)
             if is_deep and all(np.linalg.norm(V[k, :2] - V[j, :2]) > self.width / 8 for j in hollows):
                 hollows.append(k)
