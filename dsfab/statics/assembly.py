@@ -21,8 +21,7 @@ def hinges(surface: Surface) -> Ints:
          / \
         0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
          \ /
-          3
-    """
+          3"""
     h0, h1 = surface.edges.pairs.T
     corner = surface.F.ravel()
     ends = [corner[h0], corner[next_half_edge(h0)]]

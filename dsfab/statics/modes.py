@@ -235,8 +235,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
     A stress may only load slopes that the elements resist; otherwise a single needle buckles alone. The slope of a
     quadratic bubble on the short edge of a needle is 1 / (short edge), and neither `hybrid` nor `hhj` resists it. So a
     face has the mean gradient of hats and, for `hhj`, of normal bubbles, plus the constant curvature of the edges'
-    rotations [Morley 1968] times the distance from the centroid. The factor of a plate keeps its fourth order.
-    """
+    rotations [Morley 1968] times the distance from the centroid. The factor of a plate keeps its fourth order."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))

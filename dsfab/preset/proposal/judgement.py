@@ -6,8 +6,7 @@ form    : how far the shape says that it is supported there (see `readings`).
 carries : 1 / (1 + u^2), where u is the larger of movement over `LIMIT` times the span and stress over strength. A
           coarse sheet of a usual depth carries its weight and the usual load of its kind.
 steady  : the middle of the sheet is over what it stands on, and nothing pulls on the ground.
-free    : of readings that carry, the one that holds least of the edge is meant.
-"""
+free    : of readings that carry, the one that holds least of the edge is meant."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

@@ -31,8 +31,7 @@ BASELINES: Mapping[str, Baseline] = {
 }
 """Functions of the competitors by name. A competitor has the design's mass, loads, supports, kept regions and
 thickness,
-with two exceptions: `thinner` is thinner, and `simp` keeps only painted regions and its own discs (see `free_task`).
-"""
+with two exceptions: `thinner` is thinner, and `simp` keeps only painted regions and its own discs (see `free_task`)."""
 
 DEFAULT = ("isotropic", "thinner")  # names of the competitors of a comparison by default
 

@@ -323,13 +323,11 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 FEWEST, PER_AXIS = 12, 4
 """Points of a generation: four for each axis, at least twelve. Their number does not depend on the length of the
-search, so that the user can extend a search.
-"""
+search, so that the user can extend a search."""
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
 """Least costs of runs that miss constraints, failed, or were not made: each class is worse than all classes before it.
-Among runs that miss constraints, a smaller miss is better [Deb 2000].
-"""
+Among runs that miss constraints, a smaller miss is better [Deb 2000]."""
 
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
 """Function that makes missing runs, and returns all runs by their digest."""

@@ -187,8 +187,7 @@ class OneWorker:
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 """Variables that numerical libraries read at their start. Every worker has one thread, so that results do not depend on
-the number of threads.
-"""
+the number of threads."""
 
 
 class LocalWorkers:

@@ -213,8 +213,7 @@ KINDS: dict[str, Kind] = {
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
 """Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere has the
-snap value of the shipped table, and not that of its preset.
-"""
+snap value of the shipped table, and not that of its preset."""
 
 
 def random_design(kind: str, seed: int) -> Design:

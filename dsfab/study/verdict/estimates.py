@@ -60,8 +60,7 @@ WIDEST_MODE_BOUND = 0.05  # largest relative bound of a mode for which two meshe
 
 STEP_RATIOS = (1.5, 4.0)
 """Smallest and largest accepted ratio of successive steps. From mesh to mesh, an eigenvalue's error falls to 1 / 2.1 at
-reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the smallest do not count as shrinking.
-"""
+reentrant corners, and to 1 / 16 on smooth sheets. Steps with a ratio below the smallest do not count as shrinking."""
 
 
 @dataclass(frozen=True)

@@ -156,8 +156,7 @@ BYTES_PER_UNKNOWN = {
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
 """Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO stores
-half of a symmetric factor, and its input is freed before: 1.2 million unknowns take 2.7 GB instead of 4.9 GB.
-"""
+half of a symmetric factor, and its input is freed before: 1.2 million unknowns take 2.7 GB instead of 4.9 GB."""
 
 
 @dataclass(frozen=True)
