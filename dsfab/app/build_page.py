@@ -17,8 +17,7 @@ if TYPE_CHECKING:
     from dsfab.report.design.save import Announcements, SavedDesign
     from dsfab.study.carrying import Carrying
 
-LINES = 25
-"""Number of lines that a build prints by default: what fits on a small terminal with the command above."""
+LINES = 25  # Number of lines that a build prints by default: what fits on a small terminal with the command above.
 
 USER_STAGES = ("surface", "statics")
 """Stages whose notes a user should know: they tell what dsfab took the surface and the loads for. Notes of later stages

@@ -287,8 +287,7 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
     return replace(statics, cases={**statics.cases, **cases})
 
 
-FINEST = 0.5
-"""Least spacing of stripes, in mean edges: members much thinner than a triangle are ragged."""
+FINEST = 0.5  # Least spacing of stripes, in mean edges: members much thinner than a triangle are ragged.
 
 
 def same_stripes(earlier: Pattern, current: Pattern) -> bool:

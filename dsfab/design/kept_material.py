@@ -73,10 +73,8 @@ def _astray_faces(surface: Surface, diffusion: DiffusionResult, layer: Layer) ->
     return np.asarray((along_own < along_other) & ~tensors.isotropic)
 
 
-SHARE_TOLERANCE = 4e-4
-"""Accuracy of pattern.width.solid_fraction, as a share of the surface."""
-UNREPORTED = 2 * SHARE_TOLERANCE
-"""Largest error of the solid fraction without a report."""
+SHARE_TOLERANCE = 4e-4  # Accuracy of pattern.width.solid_fraction, as a share of the surface.
+UNREPORTED = 2 * SHARE_TOLERANCE  # Largest error of the solid fraction without a report.
 
 
 class _ShareTrial(NamedTuple):

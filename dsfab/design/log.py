@@ -18,10 +18,8 @@ ROWS = {
     "thickening": ("thickening",),
 }
 """Rows of the timing table that each stage fills."""
-PARTS = {"statics": ("factor",)}
-"""Timing rows that are part of another row of the stage."""
-Progress = Callable[[str, str], None]
-"""A function that receives a stage and a message about the step that begins."""
+PARTS = {"statics": ("factor",)}  # Timing rows that are part of another row of the stage.
+Progress = Callable[[str, str], None]  # A function that receives a stage and a message about the step that begins.
 
 
 def silent(_stage: str, _doing: str) -> None: ...

@@ -77,8 +77,7 @@ def _case_duration(preset: Preset, case: str) -> "Duration":
     return shortest(LOAD_DURATIONS.get(act, "medium") for act in acts or {""})
 
 
-PERMANENT = {"self_weight", "cladding"}
-"""Kinds of permanent loads."""
+PERMANENT = {"self_weight", "cladding"}  # Kinds of permanent loads.
 
 
 class ActionCase(NamedTuple):

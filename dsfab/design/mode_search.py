@@ -23,8 +23,7 @@ from dsfab.slicing import Sheet, Tidy, filled_slits, resolve_pinches, tidied_she
 from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces
 
-SHARE_TOLERANCE = 2e-3
-"""Accuracy of pattern.width.solid_fraction in trials, as a share of the surface."""
+SHARE_TOLERANCE = 2e-3  # Accuracy of pattern.width.solid_fraction in trials, as a share of the surface.
 
 
 class CarryingSheet(NamedTuple):
@@ -254,16 +253,13 @@ A higher mode rises and falls more often, so that a shift moves its stripes in b
 phases change the compliance by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4."""
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
 """Phases of the first round, in all combinations: the first list if no mode is searched, the second for one mode."""
-TOGETHER = ((1, 1), (-1, -1))
-"""Equal moves of both phases."""
-AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
-"""Moves of one phase or of both."""
+TOGETHER = ((1, 1), (-1, -1))  # Equal moves of both phases.
+AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)  # Moves of one phase or of both.
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
 """Later rounds: number of pairs of modes that continue, best first; step of the phases, in periods; moves."""
 CONNECTED_SHARE = 0.98
 """Least share of the material in the largest supported piece of a connected design; other designs rank last."""
-ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]
-"""Modes and phases of both families."""
+ModesAndPhases = tuple[tuple[int, int], tuple[float, float]]  # Modes and phases of both families.
 
 
 def choice_step(preset: Preset, analysis: StressedSurface, log: Log) -> Choice:

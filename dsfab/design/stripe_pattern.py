@@ -33,10 +33,8 @@ from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, S
 from dsfab.slicing import PolygonMesh, TrialCut, tidied_polygons
 from dsfab.surface import Surface
 
-EXACT = 1e-9
-"""Shares that differ by less are equal, because rounding depends on the order of the sum."""
-COUNTED = 2
-"""Sample points along each side of a face, for the rough measure of material that begins a search."""
+EXACT = 1e-9  # Shares that differ by less are equal, because rounding depends on the order of the sum.
+COUNTED = 2  # Sample points along each side of a face, for the rough measure of material that begins a search.
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
 """Factors on the approximate widths, which decide which openings of crowded members close.
 If widths vary much, closed openings alone may exceed the requested share. A smaller factor closes fewer openings."""

@@ -178,8 +178,7 @@ def _note_case_answers(under: str, answers: Answers, sheet: Statics, log: Log) -
         )
 
 
-BENDING_SHARE = 0.5
-"""Least share of the strain energy in bending for which statics.stress = "auto" follows all layers."""
+BENDING_SHARE = 0.5  # Least share of the strain energy in bending for which statics.stress = "auto" follows all layers.
 
 
 class FollowedStress(NamedTuple):
@@ -266,8 +265,7 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 POSSIBLE_SLENDERNESS = (3.0, 1e5)
 """Limits of a surface's size over its thickness; outside of them units are wrong, and dsfab refuses the preset."""
-USUAL_SLENDERNESS = (10.0, 5e3)
-"""Usual range of a surface's size over its thickness; a note reports values outside."""
+USUAL_SLENDERNESS = (10.0, 5e3)  # Usual range of a surface's size over its thickness; a note reports values outside.
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:

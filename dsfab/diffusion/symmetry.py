@@ -28,8 +28,7 @@ from dsfab.surface import (
     weights_at,
 )
 
-IMAGE_OFF_SURFACE = 0.25
-"""Largest distance of images of vertices from the surface, as a share of the mean edge."""
+IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, as a share of the mean edge.
 OFF_SUPPORT = 1.0
 """Largest distance between images of supported vertices and supported vertices, in mean edges, the accuracy of a
 picker."""
@@ -37,8 +36,7 @@ picker."""
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, as shares of the load: of smoothed forces, then of resultants."""
 
-SAMPLE_POINTS = 100
-"""Number of points in the sample that is checked before all points."""
+SAMPLE_POINTS = 100  # Number of points in the sample that is checked before all points.
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,8 +15,7 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, stripe_overlay
 from dsfab.surface import Surface
 
-TIE = 1e-3
-"""Positions along the structure are equal if they differ by less than this share of its size."""
+TIE = 1e-3  # Positions along the structure are equal if they differ by less than this share of its size.
 ROUND, HOLLOW = 0.5, 0.4
 """Members form a ring if two conditions hold. Their centroids spread in a second direction by more than ROUND times the
 spread in the first. The nearest to the centre is farther from it than HOLLOW times the farthest."""

@@ -16,10 +16,8 @@ from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
 """A line that turns in the surface by more than this angle within `WINDOW` widths is divided into two members."""
-WINDOW, STEPS = 1.5, 4
-"""Length over which turns are measured, in widths, and number of points along this length."""
-SPECK = 1.0
-"""Lines shorter than this many widths are dropped if the same stripe has a longer line."""
+WINDOW, STEPS = 1.5, 4  # Length over which turns are measured, in widths, and number of points along this length.
+SPECK = 1.0  # Lines shorter than this many widths are dropped if the same stripe has a longer line.
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,8 +181,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0
-"""Distance of knots in widths of the member, or in edges of the mesh if these are longer."""
+KNOTS, COARSE = 4.0, 2.0  # Distance of knots in widths of the member, or in edges of the mesh if these are longer.
 
 
 @dataclass(frozen=True, eq=False)

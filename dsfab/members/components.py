@@ -15,10 +15,8 @@ from dsfab.surface import CornerField, DividedField, Surface, link_components
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
 """Kinds of members, see `dsfab.members.graph.Member`; kept material has the kind "keep" before its shape is known."""
-FAMILIES = {"major": "A", "minor": "B"}
-"""First letter of the names of members, for each family of stripes."""
-NOWHERE = 10.0
-"""Offset in a region without a middle line, larger than any real offset."""
+FAMILIES = {"major": "A", "minor": "B"}  # First letter of the names of members, for each family of stripes.
+NOWHERE = 10.0  # Offset in a region without a middle line, larger than any real offset.
 
 
 class NamedBand(NamedTuple):
@@ -72,8 +70,7 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4
-"""Kept material is a disc if its area exceeds this share of a circle's with the same outline."""
+DISC = 0.4  # Kept material is a disc if its area exceeds this share of a circle's with the same outline.
 HIDDEN, COVERED = 0.05, 0.3
 """Least share of the cells in which a strip (HIDDEN) or kept material (COVERED) is on top, so that it is a member."""
 

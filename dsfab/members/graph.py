@@ -292,8 +292,7 @@ def stations_of_nodes(members: Sequence[Member], nodes: Sequence[Node]) -> dict[
     return stations
 
 
-ENDS = 1.0
-"""A member ends at a node if its length beyond the node is below this share of the crossing member's width."""
+ENDS = 1.0  # A member ends at a node if its length beyond the node is below this share of the crossing member's width.
 
 
 @dataclass(frozen=True, eq=False)

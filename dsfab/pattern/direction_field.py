@@ -154,8 +154,7 @@ def _path_products(link: csr_array, order: Ints, predecessor: Ints) -> Floats:
     return sign
 
 
-FLOOR = 1e-6
-"""Least weight of the stress, so that the field is unique on an unstressed surface."""
+FLOOR = 1e-6  # Least weight of the stress, so that the field is unique on an unstressed surface.
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +178,7 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75
-"""Least share of its area on which a family does what its name says."""
+CLEAR_SHARE = 0.75  # Least share of its area on which a family does what its name says.
 
 
 class FamilyRole(NamedTuple):

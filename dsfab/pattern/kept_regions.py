@@ -12,8 +12,7 @@ from dsfab.surface import Distances, Origins, PatternRegion, Surface, geodesic_d
 from dsfab.surface.fields import DividedField, DividedSurface
 from dsfab.surface.topology import link_components
 
-EVEN = 0.01
-"""Largest error of a region's outline, divided by its reach, because distances are linear on the faces."""
+EVEN = 0.01  # Largest error of a region's outline, divided by its reach, because distances are linear on the faces.
 SNAP = 0.05
 """The usual `slicing.snap`: a cut moves a vertex onto the edge of a region if it is nearer than this share of the
 growth of the distance along one of its edges. dsfab halves these edges if that exceeds twice `EVEN`."""

@@ -17,8 +17,7 @@ from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
 """Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
-FLOW = 0.25
-"""A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2."""
+FLOW = 0.25  # A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
 """A locked phase that misses its target by less (in periods) is set to the target, so that edges get straight
 members."""

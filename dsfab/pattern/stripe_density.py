@@ -13,12 +13,10 @@ from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-SMOOTH = 0.02
-"""Weight of |grad u|^2, which determines u in regions of unclear direction."""
+SMOOTH = 0.02  # Weight of |grad u|^2, which determines u in regions of unclear direction.
 EVEN = 0.3
 """Weight of u^2, divided by the area of the surface: it keeps the density near its mean where nothing else decides."""
-RANGE = (-2.0, 1.5)
-"""Bounds of u without halving, because u diverges at singular points of the field."""
+RANGE = (-2.0, 1.5)  # Bounds of u without halving, because u diverges at singular points of the field.
 COARSE_RANGE = (-1.0, 3.0)
 """Bounds of u with halving; the upper bound is larger, because halving lowers large densities."""
 MOST_HALVINGS = 3

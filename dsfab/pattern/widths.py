@@ -13,12 +13,10 @@ from dsfab.core.errors import PatternError
 from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
-_End = tuple[float, float]
-"""End of an interval: a factor, and its share minus the wanted share."""
+_End = tuple[float, float]  # End of an interval: a factor, and its share minus the wanted share.
 Rule = Literal["plain", "constant", "graded", "stressed"]
 SOLID = 0.5  # Half-width, in periods, at which neighbouring stripes touch.
-ROUNDS = (2, 60)
-"""Smallest and largest number of rounds of averaging."""
+ROUNDS = (2, 60)  # Smallest and largest number of rounds of averaging.
 JUMP = 5e-3
 """Largest accepted jump of a share past its target when loose ends appear and vanish; the nearest share suffices."""
 

@@ -223,8 +223,7 @@ def drop_material_values(values: Any, changes: Mapping[str, Any]) -> None:
                 values.pop(key, None)
 
 
-AUTO_THICKNESS = float("inf")
-"""Stands for a thickness that sizing chooses; a preset file says "auto"."""
+AUTO_THICKNESS = float("inf")  # Stands for a thickness that sizing chooses; a preset file says "auto".
 
 
 def thickness_or_auto(value: Any, check: Callable[[Any], float]) -> float:

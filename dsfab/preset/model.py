@@ -181,8 +181,7 @@ def _number_or_word(value: Any) -> str:
     return "auto" if isinstance(value, str) else "number"
 
 
-AUTO: Literal["auto"] = "auto"
-"""Value of a mode or phase that dsfab chooses (see `dsfab.design.mode_search`)."""
+AUTO: Literal["auto"] = "auto"  # Value of a mode or phase that dsfab chooses (see `dsfab.design.mode_search`).
 
 Mode = Annotated[
     Annotated[int, Ge(1), Le(50), Tag("number")] | Annotated[Literal["auto"], Tag("auto")],
@@ -308,12 +307,10 @@ def _with_curves(thing: Any) -> Any:
 
 
 Method = Literal["modes", "stripes", "auto"]
-FAMILIES = ("major", "minor")
-"""Names of the families of stripes."""
+FAMILIES = ("major", "minor")  # Names of the families of stripes.
 FILLET = 0.55
 """Least radius of round corners over the thickness: chords replace the arcs, and half of it would be too little."""
-STRIPES_ACROSS = 12
-"""Default number of evenly spaced stripes across a square surface."""
+STRIPES_ACROSS = 12  # Default number of evenly spaced stripes across a square surface.
 
 
 class Pattern(Section):

@@ -21,14 +21,11 @@ from dsfab.study.fabrication import spacing_changes
 REACH, REACH_UP = 3.0, 6.0
 """Largest ratio of the first guess to a tried thickness, and of a tried thickness to it; solves at two thicknesses then
 suffice. The guess follows from the span alone, and a footbridge of 28 m under people needs over 3 times it."""
-OWN_CUTS = 2
-"""Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner."""
-SERIES = 1.15
-"""Ratio of successive thicknesses for a material without a stock."""
+OWN_CUTS = 2  # Number of designs that are cut with a thickness of their own; the second is one step thicker or thinner.
+SERIES = 1.15  # Ratio of successive thicknesses for a material without a stock.
 MORE, MOST = 1.3, 0.75
 """Factor on the share of material, or on the width of members, if no thickness suffices; and the largest share."""
-CLOSER = 0.75
-"""Factor on the spacing of members if more material does not suffice either."""
+CLOSER = 0.75  # Factor on the spacing of members if more material does not suffice either.
 
 
 @dataclass(frozen=True)

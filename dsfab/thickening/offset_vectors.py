@@ -52,8 +52,7 @@ def _edge_names(ends: Ints, count: int = 5) -> str:
 
 VISIBILITY_GAP = 0.001
 """The search ends if the smallest cosine of a normal is within this share of the best possible cosine."""
-CHUNK = 1 << 13
-"""Number of faces processed together, because they fit the processor's cache."""
+CHUNK = 1 << 13  # Number of faces processed together, because they fit the processor's cache.
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
@@ -151,8 +150,7 @@ def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
 
 Side = Literal["mid", "out", "in"]
 
-SHIFT = {"mid": 0, "out": 1, "in": -1}
-"""Distance of the middle of the sheet from the surface, as a multiple of D."""
+SHIFT = {"mid": 0, "out": 1, "in": -1}  # Distance of the middle of the sheet from the surface, as a multiple of D.
 
 
 @dataclass(frozen=True, eq=False)

@@ -88,10 +88,8 @@ def _move_towards(V: Floats, neighbours: csr_array, moves: Bools, towards: Bools
     return V
 
 
-THIN = 0.8
-"""Factor on the offsets at faces that meet, in each round."""
-THINNEST = 0.3
-"""Least share of the input offset after thinning."""
+THIN = 0.8  # Factor on the offsets at faces that meet, in each round.
+THINNEST = 0.3  # Least share of the input offset after thinning.
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,8 +17,7 @@ OPPOSED = float(np.cos(np.radians(20)))
 """Faces are opposite if the angle between them is below 20 degrees, because at an edge the thickness would be zero."""
 LARGE = 1e6
 """Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area, in any unit."""
-FLAT = float(np.cos(1e-3))
-"""Neighbours that are parallel to a thousandth of a radian form one flat facet."""
+FLAT = float(np.cos(1e-3))  # Neighbours that are parallel to a thousandth of a radian form one flat facet.
 
 
 @dataclass(frozen=True, eq=False)

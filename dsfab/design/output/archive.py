@@ -110,12 +110,10 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 
 
 NAME = "design.npz"
-LAYOUT = 2
-"""Version of the archive; dsfab does not read other versions."""
+LAYOUT = 2  # Version of the archive; dsfab does not read other versions.
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
 """Sections of a preset that determine a design; `export` only determines the files."""
-MESH = "surface.ply"
-"""File for a mesh from Python, metres, without rounding."""
+MESH = "surface.ply"  # File for a mesh from Python, metres, without rounding.
 
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 

@@ -235,8 +235,7 @@ def body_details(design: Design) -> Details:
     )
 
 
-PLATES = ("disc", "plate", "fill")
-"""Kinds of members that are not long and narrow."""
+PLATES = ("disc", "plate", "fill")  # Kinds of members that are not long and narrow.
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:

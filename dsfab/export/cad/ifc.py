@@ -29,8 +29,7 @@ PLATE_SETS = {
 KINDS = dict.fromkeys(("Length", "Width", "Thickness"), "LENGTH")
 for _kind in ("Area", "Volume", "Weight"):
     KINDS |= dict.fromkeys((f"Net{_kind}", f"Gross{_kind}"), _kind.upper())
-KINDS["NetSurfaceArea"] = "AREA"
-"""Kinds of quantities by their names."""
+KINDS["NetSurfaceArea"] = "AREA"  # Kinds of quantities by their names.
 Naming = Callable[[str], str]  # a function from a word to an IFC identifier
 
 

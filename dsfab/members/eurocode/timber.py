@@ -15,12 +15,9 @@ K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
 """Effective share of the width for shear in spite of cracks [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
 """Imperfection factors of members [EN 1995-1-1, (6.29)]."""
-K_M = 0.7
-"""Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
-STRAIGHT = 0.3
-"""Largest relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)]."""
-LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0
-"""Height and length (m) above which the strength of LVL decreases [EN 1995-1-1, 3.4]."""
+K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].
+STRAIGHT = 0.3  # Largest relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)].
+LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0  # Height and length (m) above which the strength of LVL decreases [EN 1995-1-1, 3.4].
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.1.2 (6.1)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.1.4 (6.2)")

@@ -14,8 +14,7 @@ from dsfab.members import Member
 from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
-SHORT = 1e-3
-"""Two nodes of a member count as one if their distance is below this share of its width."""
+SHORT = 1e-3  # Two nodes of a member count as one if their distance is below this share of its width.
 
 
 class BeamRow(NamedTuple):

@@ -121,10 +121,8 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
     return np.asarray((ends[:, :, None] == edge_vertices[:, None]).all(axis=-1).argmax(axis=-1))
 
 
-SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Stations of a bay, as shares of its clear length between joints."""
-STATIONS = len(SHARES)
-"""Number of stations of each bay."""
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as shares of its clear length between joints.
+STATIONS = len(SHARES)  # Number of stations of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
 """Section forces: x along the axis, z along the surface normal, y to the left; on a section with outward normal x."""
 

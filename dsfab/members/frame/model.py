@@ -13,10 +13,8 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, lock_floats, read_only_
 from dsfab.core.errors import StaticsError
 from dsfab.statics import Equilibrium
 
-Combinations = Mapping[str, Mapping[str, float]]
-"""Factors of cases by the names of combinations."""
-SHEAR = 5 / 6
-"""Shear area of a rectangle over its area [Timoshenko 1921]."""
+Combinations = Mapping[str, Mapping[str, float]]  # Factors of cases by the names of combinations.
+SHEAR = 5 / 6  # Shear area of a rectangle over its area [Timoshenko 1921].
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:

@@ -24,12 +24,9 @@ from dsfab.preset.proposal.sizes import MODEL, Sizes, shorter_side, sizes
 from dsfab.preset.proposal.text import SHARE, ProposedValues, place_words, proposal_text
 from dsfab.surface import RawMesh, Surface
 
-OWN = "roof"
-"""Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it."""
-LISTED = 4
-"""Largest number of supports that are listed by name."""
-NO_WISHES = MeshWishes()
-"""dsfab chooses supports and loads."""
+OWN = "roof"  # Shipped preset for the user's own surface; with `--mesh`, a proposal for that mesh replaces it.
+LISTED = 4  # Largest number of supports that are listed by name.
+NO_WISHES = MeshWishes()  # dsfab chooses supports and loads.
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,23 +35,16 @@ DEEP = {"roof": 50.0, "hung": 50.0, "floor": 25.0, "wall": 20.0}
 """Usual ratio of the size to the depth of ribs, by kind."""
 LOAD = {"roof": 750.0, "hung": 300.0, "floor": 5000.0, "wall": 800.0}
 """Usual load by kind, Pa: snow, services, people, wind."""
-TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6
-"""GL24h: 24 MPa x 0.8 / 1.25."""
-LIMIT = 1 / 300
-"""Largest usual movement, as a share of the span."""
-EDGE = 0.5
-"""Part of the score that a reading loses if it holds all of the edge."""
+TIMBER, STRENGTH = Material(11e9, 0.3, 420.0), 15e6  # GL24h: 24 MPa x 0.8 / 1.25.
+LIMIT = 1 / 300  # Largest usual movement, as a share of the span.
+EDGE = 0.5  # Part of the score that a reading loses if it holds all of the edge.
 UNITS = {"m": 0.45, "mm": 0.33, "cm": 0.12, "ft": 0.05, "in": 0.02}
 """Share of models in a unit; programs that model in inches mostly write the unit into the file."""
-BUILDING, SPREAD = 18.0, 1.1
-"""Buildings are about 18 m long, within a factor of 3 (e^1.1) two times out of three."""
-LEAST, DOUBT = 0.02, 0.25
-"""Score below which a reading is not plausible, and score below which it is doubtful."""
-CLOSE = 0.75
-"""A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely."""
+BUILDING, SPREAD = 18.0, 1.1  # Buildings are about 18 m long, within a factor of 3 (e^1.1) two times out of three.
+LEAST, DOUBT = 0.02, 0.25  # Score below which a reading is not plausible, and score below which it is doubtful.
+CLOSE = 0.75  # A runner-up with this share of the best score is a question, and so is a unit that is `OPEN` likely.
 OPEN = 0.13
-UNDER = 0.7
-"""Factor on a vertical axis with which a surface would lie under the ground."""
+UNDER = 0.7  # Factor on a vertical axis with which a surface would lie under the ground.
 
 
 @dataclass(frozen=True, eq=False)

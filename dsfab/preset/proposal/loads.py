@@ -19,8 +19,7 @@ LINE_OF_COMMENT = {
     "services": "Pa on the plan, lights and pipes: a placeholder for what hangs from it",
     "wind": "Pa, velocity pressure: a placeholder for your site [EN 1991-1-4, 4.5]",
 }
-PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}
-"""Placeholders, Pa."""
+PRESSURE = {"snow": 1000.0, "people": 5000.0, "services": 300.0, "wind": 500.0}  # Placeholders, Pa.
 AROUND = 0.3
 """A wall whose normals add up to less than this share of its area goes around, as a tower; else it stands free."""
 

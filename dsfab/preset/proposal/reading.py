@@ -36,12 +36,9 @@ from dsfab.surface import (
 
 Z_UP = (".3mf", ".3dm", ".dxf", ".glb", ".gltf")
 """Suffixes of files whose format or program defines z as the vertical axis (for glTF, whose axes the reader turns)."""
-MOSTLY_Z = (".stl", ".step", ".stp", ".brep")
-"""Suffixes of files that mostly have z up."""
-Y_UP = 0.7
-"""Factor on the scores of a vertical axis y: z is up unless y is plainly better (Blender, web tools)."""
-GROUND = 1e-3
-"""Vertices nearer to the plane through the origin than this share of the surface's size touch the plane."""
+MOSTLY_Z = (".stl", ".step", ".stp", ".brep")  # Suffixes of files that mostly have z up.
+Y_UP = 0.7  # Factor on the scores of a vertical axis y: z is up unless y is plainly better (Blender, web tools).
+GROUND = 1e-3  # Vertices nearer to the plane through the origin than this share of the surface's size touch the plane.
 
 
 def possible_axes(surface: Surface, suffix: str = "", usual: str | None = None) -> dict[Up, float]:
@@ -87,16 +84,12 @@ def _stability(V: Floats, surface: Surface) -> float:
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
-SMALLEST, LARGEST = 0.02, 1000.0
-"""Limits of the longest side (m) of a surface; outside of them its unit is doubtful."""
+SMALLEST, LARGEST = 0.02, 1000.0  # Limits of the longest side (m) of a surface; outside of them its unit is doubtful.
 USUAL = 2.0, 100.0
 """Usual longest side (m). For a file of another size without a unit, dsfab lists the sizes in several units."""
-POSSIBLE = 0.2, 500.0
-"""Longest side (m) of the sizes in several units that `dsfab inspect` lists."""
-UNLIKELY = 0.02
-"""Units that are less likely than this are not listed."""
-GUESSED = ("mm", "cm", "m", "in", "ft")
-"""Possible units of files without a unit."""
+POSSIBLE = 0.2, 500.0  # Longest side (m) of the sizes in several units that `dsfab inspect` lists.
+UNLIKELY = 0.02  # Units that are less likely than this are not listed.
+GUESSED = ("mm", "cm", "m", "in", "ft")  # Possible units of files without a unit.
 
 
 @dataclass(frozen=True)

@@ -13,26 +13,18 @@ from dsfab.surface import Ball, Boundary, Box, Surface, link_components
 
 DRAWN, USUAL, ANYWHERE = 1.0, 0.6, 0.25
 """Forms of places that the shape itself shows, that builders usually choose, and that nothing shows."""
-RARER = 0.8
-"""Factor on what hangs and on walls: most surfaces are roofs that stand."""
-LEFT = 0.7
-"""Factor on a reading that leaves necks free, or hollows where water would stand."""
-SAG = 0.15
-"""Least sag between two high sides of a hanging roof, as a share of the height."""
-WALLS = 0.8
-"""Least form of a level and low edge that stands on walls around columns."""
-APART = 12.0
-"""Largest distance between posts along a strip, metres."""
-FRAGMENT = 0.1
-"""A support smaller than this share of the largest is a bump of the mesh."""
+RARER = 0.8  # Factor on what hangs and on walls: most surfaces are roofs that stand.
+LEFT = 0.7  # Factor on a reading that leaves necks free, or hollows where water would stand.
+SAG = 0.15  # Least sag between two high sides of a hanging roof, as a share of the height.
+WALLS = 0.8  # Least form of a level and low edge that stands on walls around columns.
+APART = 12.0  # Largest distance between posts along a strip, metres.
+FRAGMENT = 0.1  # A support smaller than this share of the largest is a bump of the mesh.
 LOWEST_SILL = 0.005
 """An inner edge of a wall above this share of the height is a window, else the base of an inner wall."""
-BAY = 7.5
-"""Usual distance between the columns of a grid, metres."""
+BAY = 7.5  # Usual distance between the columns of a grid, metres.
 MOST = 200
 """Largest number of columns, and of posts along a side; a surface with more is no building, or its unit is wrong."""
-SOLE = 0.03
-"""A closed surface stands on its vertices within this share of the height above its lowest point."""
+SOLE = 0.03  # A closed surface stands on its vertices within this share of the height above its lowest point.
 
 Kind = Literal["roof", "hung", "floor", "wall", "object"]
 

@@ -12,26 +12,18 @@ from dsfab.core.arrays import Floats, Ints, lengths, lock
 from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, polyline_length, remeshed_surface
 
-VERTICES = 1500
-"""Usual number of vertices of a coarse shape: a solve then takes about 0.05 s."""
-STEPS = 400
-"""Number of even steps along an edge, in which its heights and directions are measured."""
-SLOPE = 0.25
-"""Slope at which an edge is half a level one (14 degrees); the rim of a stand is hardly steeper."""
-CORNER = 40.0
-"""Least turn of an edge at a corner, degrees."""
+VERTICES = 1500  # Usual number of vertices of a coarse shape: a solve then takes about 0.05 s.
+STEPS = 400  # Number of even steps along an edge, in which its heights and directions are measured.
+SLOPE = 0.25  # Slope at which an edge is half a level one (14 degrees); the rim of a stand is hardly steeper.
+CORNER = 40.0  # Least turn of an edge at a corner, degrees.
 DEPTH, RISE = 0.15, 0.05
 """The edge rises by `DEPTH` of the height between two feet; a foot itself rises by `RISE` of it."""
-SMALL = 0.15
-"""Largest length of a small loop (a column head, a lug, an opening), as a share of the longest loop."""
-STRIP = 3.0
-"""Least ratio of the long to the short sides of a strip, such as a canopy over a platform, or a footbridge."""
+SMALL = 0.15  # Largest length of a small loop (a column head, a lug, an opening), as a share of the longest loop.
+STRIP = 3.0  # Least ratio of the long to the short sides of a strip, such as a canopy over a platform, or a footbridge.
 NECK = 0.2
 """Least part of the direction in which the sheet leaves a small edge that is vertical, for a column head or a lug."""
-LUG = 2.0
-"""Least height of a lug over the sheet around it, divided by its radius."""
-HEAD = 2.2
-"""Headroom, metres: what is lower does not come down to the ground, because nobody could stand below it."""
+LUG = 2.0  # Least height of a lug over the sheet around it, divided by its radius.
+HEAD = 2.2  # Headroom, metres: what is lower does not come down to the ground, because nobody could stand below it.
 
 
 def coarse_surface(surface: Surface) -> Surface:

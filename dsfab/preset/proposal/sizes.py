@@ -10,22 +10,18 @@ from dsfab.core.arrays import Floats, face_angles
 from dsfab.preset.proposal.shape import is_figure
 from dsfab.surface import Surface
 
-MEMBERS = 16
-"""Number of members across the shorter side of the plan."""
+MEMBERS = 16  # Number of members across the shorter side of the plan.
 COARSEST, FINEST = 2.5, 3.5
 """Least and largest number of mesh edges per spacing. Fewer edges give ragged stripes; more edges only take time."""
-TRIANGLES = 6500
-"""Usual number of triangles of the mesh. The solid then has 30 000 faces, which CAD programs can open."""
-SLENDER = {"steel": 200, "timber": 100}
-"""Span over thickness, by material."""
+TRIANGLES = 6500  # Usual number of triangles of the mesh. The solid then has 30 000 faces, which CAD programs can open.
+SLENDER = {"steel": 200, "timber": 100}  # Span over thickness, by material.
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Ratio of the span to the shorter side of the plan above which the span governs the thickness. A square roof on its
 corners spans its diagonal, 1.41 sides."""
 THICKEST = 1 / 5
 """Largest thickness for a long span over the spacing, because members are hardly wider than this share."""
-MODEL = 3.0
-"""Size in metres; smaller surfaces are printed models."""
+MODEL = 3.0  # Size in metres; smaller surfaces are printed models.
 
 
 @dataclass(frozen=True)

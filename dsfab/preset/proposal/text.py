@@ -16,8 +16,7 @@ from dsfab.preset.proposal.shape import is_figure
 from dsfab.preset.proposal.sizes import Sizes
 from dsfab.surface import Ball, Boundary, Box, Marks, Surface
 
-SHARE = 0.45
-"""Share of the surface that stays material."""
+SHARE = 0.45  # Share of the surface that stays material.
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 from dsfab.surface.topology import half_edges
 
-CHUNK = 1 << 13
-"""Number of polygons that are measured together, because these fit the processor's cache."""
+CHUNK = 1 << 13  # Number of polygons that are measured together, because these fit the processor's cache.
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,8 +237,7 @@ def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, In
 
 SNAP_FLOOR = 1e-9
 """Least snap fraction: a line closer to a vertex than this share of an edge goes through it, even at snap = 0."""
-TIP = 1e-3
-"""Both edges of a stripe of varying width meet where they are closer than this share of a side."""
+TIP = 1e-3  # Both edges of a stripe of varying width meet where they are closer than this share of a side.
 
 
 def nearest_levels(x: Floats, levels: Floats) -> Floats:

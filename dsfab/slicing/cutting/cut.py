@@ -26,8 +26,7 @@ from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.fields import CornerField, DividedField, DividedSurface
 from dsfab.surface.mesh import ZERO_AREA
 
-LEVEL_GAP = 1e-6
-"""Levels that differ by less than this share of the field's range count as equal."""
+LEVEL_GAP = 1e-6  # Levels that differ by less than this share of the field's range count as equal.
 
 
 Field = Floats | CornerField | DividedField

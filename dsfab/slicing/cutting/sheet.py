@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     import trimesh
 
 
-VOID = -1
-"""The family of a void cell."""
+VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
 """Least interpolated value of a 0/1 field at a point on an edge or a face whose corners are all marked."""

@@ -324,8 +324,7 @@ def _with_pieces(
 
 CELL_AREA = 1e3 * ZERO_AREA
 """Least area of a cell, as a share of the squared size: the least area that `Surface` accepts, with a margin."""
-ROUNDS = 12
-"""Most rounds of moving the vertices of cells without area."""
+ROUNDS = 12  # Most rounds of moving the vertices of cells without area.
 
 
 class Snapping(NamedTuple):

@@ -11,8 +11,7 @@ from dsfab.surface import nearest_places
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
-SHARPEST = float(np.radians(20))
-"""The outline of an opening has a corner where it turns by more."""
+SHARPEST = float(np.radians(20))  # The outline of an opening has a corner where it turns by more.
 
 
 @dataclass(frozen=True, eq=False)

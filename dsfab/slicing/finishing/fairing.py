@@ -15,12 +15,9 @@ from dsfab.slicing.finishing.mesh_quality import independent, least_angles
 from dsfab.surface import Surface
 from dsfab.surface.topology import next_half_edge
 
-CORNER = float(np.radians(25))
-"""The wall has a corner where it turns by more than this angle, radians."""
-REACH = 2.0
-"""Fairing removes waves of a wall shorter than 2 pi times this number of segments."""
-BEND = 0.4
-"""Fairing reduces bends of a wall over fewer segments than this number."""
+CORNER = float(np.radians(25))  # The wall has a corner where it turns by more than this angle, radians.
+REACH = 2.0  # Fairing removes waves of a wall shorter than 2 pi times this number of segments.
+BEND = 0.4  # Fairing reduces bends of a wall over fewer segments than this number.
 
 
 class Freedom(NamedTuple):

@@ -132,8 +132,7 @@ def _distance(points: Floats, loops: list[Floats]) -> Floats:
     return nearest_in_plane(points, np.concatenate(loops), edges).distance
 
 
-SNAP = 2e-3
-"""Vertices nearer to a chord than this share of the radius move onto it, to avoid slivers."""
+SNAP = 2e-3  # Vertices nearer to a chord than this share of the radius move onto it, to avoid slivers.
 
 COLUMNS = ("wall", "circle", "normal", "distance", "ray", "ray_distance")
 
@@ -290,8 +289,7 @@ def _within_feet(corners: Corners, corner_rows: Ints, arcs: Arcs, fillets: Fille
     return ~bad
 
 
-GOLDEN = (5**0.5 - 1) / 2
-"""Golden ratio: the fractional parts of its multiples are spread evenly."""
+GOLDEN = (5**0.5 - 1) / 2  # Golden ratio: the fractional parts of its multiples are spread evenly.
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:

@@ -19,8 +19,7 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SMOOTH = 1e-3
-"""Steps of an offset shape below this share of the offset are rounding errors."""
+SMOOTH = 1e-3  # Steps of an offset shape below this share of the offset are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,8 +16,7 @@ from dsfab.slicing.finishing.openings import Merging, Strip, filled_slits, openi
 from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
-LOCAL = 0.8
-"""A member is narrow if its width is below this share of the median width."""
+LOCAL = 0.8  # A member is narrow if its width is below this share of the median width.
 NOWHERE = np.empty((0, 2, 3))
 
 
@@ -80,8 +79,7 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-REACH = 0.25
-"""Length of a bridge beyond its neck, in widths of the bridge, because walls may be oblique."""
+REACH = 0.25  # Length of a bridge beyond its neck, in widths of the bridge, because walls may be oblique.
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,10 +188,8 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
     return np.where(chain[:, 0] == chain[:, 1], around, np.inf)
 
 
-MOST_ROUNDS = 40
-"""Most rounds of strips; a round adds only strips that do not touch."""
-TURNS = 6
-"""Most rounds of widening and bridging, because wider members leave narrower openings."""
+MOST_ROUNDS = 40  # Most rounds of strips; a round adds only strips that do not touch.
+TURNS = 6  # Most rounds of widening and bridging, because wider members leave narrower openings.
 SNAP = 0.05
 """Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
 elements."""

@@ -49,8 +49,7 @@ class Tidy:
         return np.asarray(own_polygons & np.isin(part, part[touched]))
 
 
-CLOSED = -2
-"""`PolygonMesh.also` of polygons in closed openings: stripes may end there, as at a crossing."""
+CLOSED = -2  # `PolygonMesh.also` of polygons in closed openings: stripes may end there, as at a crossing.
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
@@ -76,8 +75,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     return replace(mesh, family=family, also=also), int(closed_openings.sum())
 
 
-CROSSING, KEPT, NODE = -1, -2, -3
-"""Kinds of polygons besides the numbers of fields."""
+CROSSING, KEPT, NODE = -1, -2, -3  # Kinds of polygons besides the numbers of fields.
 
 
 def without_loose_ends(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:

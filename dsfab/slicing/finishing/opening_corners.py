@@ -10,8 +10,7 @@ from dsfab.slicing.cutting.walls import SHARPEST, Stretches, Walls, next_in_chai
 
 CHORD = float(np.radians(34))
 """Largest turn of a chord, radians. The chord then differs from its arc by 1 - cos(17 degrees) = 1/23 of the radius."""
-TINY = 1e-300
-"""Replacement for a zero length in a division."""
+TINY = 1e-300  # Replacement for a zero length in a division.
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,8 +126,7 @@ def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
     return foot[row, pick], before + (np.clip(t, 0, 1) * length)[row, pick]
 
 
-SMALLER = 0.7
-"""Least factor by which an arc without room shrinks before the next trial."""
+SMALLER = 0.7  # Least factor by which an arc without room shrinks before the next trial.
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,8 +21,7 @@ from dsfab.surface.topology import edge_table
 
 Rule = Literal["join", "split"]
 
-DISC_ROUNDS = 3
-"""Most rounds of discs, because a disc can make a new pinch where it meets a second stripe."""
+DISC_ROUNDS = 3  # Most rounds of discs, because a disc can make a new pinch where it meets a second stripe.
 CORNER_ROUNDS = 2
 """Most rounds of corner cuts after the discs. These cuts make no new pinch; the second round is for adjacent pinches.
 """

@@ -131,17 +131,13 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     return np.array(contacts)
 
 
-ASKEW = 0.25
-"""Bars stay if their outline is nearer to a straight bar than this share of their width."""
-UNEVEN = 0.12
-"""Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width."""
+ASKEW = 0.25  # Bars stay if their outline is nearer to a straight bar than this share of their width.
+UNEVEN = 0.12  # Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width.
 FAR = 1.5
 """Bars stay if their outline is farther from the new outline than this share of their width.
 Such bars bend in another way, or a further member touches them."""
-SNAP = 0.02
-"""Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
-LARGER = 2.5
-"""A bar may not become larger or smaller by this factor."""
+SNAP = 0.02  # Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers.
+LARGER = 2.5  # A bar may not become larger or smaller by this factor.
 
 
 def with_straight_bars(

@@ -27,10 +27,8 @@ LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
 EYELET, LARGER = 0.5, 2.5
 """An eyelet is an opening smaller than EYELET times its neighbour. For stubs around it LARGER replaces `LARGE`."""
-GOOD = 1.1
-"""Stubs stay if all openings beside them are larger than this size, because such a stub divides them well."""
-SMALL = 0.6
-"""Stubs stay if the opening without them would be smaller than this size."""
+GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size, because such a stub divides them well.
+SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
 

@@ -16,8 +16,7 @@ from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.topology import EdgeTable, edge_table
 
-SLICING_SAME = 2.0**-30
-"""Phases that differ by less than this number of periods are equal."""
+SLICING_SAME = 2.0**-30  # Phases that differ by less than this number of periods are equal.
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,8 +88,7 @@ def _corner_slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
     return np.asarray(order[np.searchsorted(key[order], corner_key)])
 
 
-ON = 1e-6
-"""A phase that is this near to a whole number, in periods, is on the middle of a stripe."""
+ON = 1e-6  # A phase that is this near to a whole number, in periods, is on the middle of a stripe.
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
 """(4, 3) sample points of a face: near the centroids of four equal triangles in it."""
 

@@ -53,8 +53,7 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7
-"""Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors."""
+LEAST = 1e-7  # Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors.
 
 
 class Spans(NamedTuple):
@@ -258,11 +257,9 @@ def dominant_number(number: Ints, weight: Floats) -> int:
     return int(values[np.argmax(np.bincount(group.ravel(), weight))])
 
 
-BOUNDARY = "boundary"
-"""The name of the family of edges on the boundary of the uncut surface."""
+BOUNDARY = "boundary"  # The name of the family of edges on the boundary of the uncut surface.
 
-STRIPES = ("major", "minor")
-"""The families of a chart, in its order."""
+STRIPES = ("major", "minor")  # The families of a chart, in its order.
 
 
 class CornerLines(NamedTuple):

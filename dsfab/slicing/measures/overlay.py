@@ -26,8 +26,7 @@ from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, link_components
 
-ZERO = 2.0**-30
-"""Offsets from the middle of a band below this number, in the unit of the field, count as zero."""
+ZERO = 2.0**-30  # Offsets from the middle of a band below this number, in the unit of the field, count as zero.
 
 
 @dataclass(frozen=True, eq=False)

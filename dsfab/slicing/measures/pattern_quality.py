@@ -126,8 +126,7 @@ def _angles(middles: StripeMiddles, face: Ints, coordinates: Floats) -> Floats:
     return np.asarray(np.degrees(np.arccos(np.minimum(cosine, 1))))
 
 
-OFF = 30.0
-"""Largest deviation of a member from the stress, degrees."""
+OFF = 30.0  # Largest deviation of a member from the stress, degrees.
 
 
 class DeadEnds(NamedTuple):
@@ -252,8 +251,7 @@ def _ball_crossings(sheet: Surface, distance: Floats, edge: Ints, radius: float)
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
-SHARES = (0.05, 0.5, 0.95)
-"""Quantiles of spacings and openings that are reported, as shares of the area."""
+SHARES = (0.05, 0.5, 0.95)  # Quantiles of spacings and openings that are reported, as shares of the area.
 
 Quantiles = tuple[float, float, float]
 

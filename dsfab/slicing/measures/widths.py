@@ -102,8 +102,7 @@ AT = (1e-3, MIDDLE, 1 - 1e-3)
 """Starts of lines on a wall edge: the middle, and near both corners, where shortest lines between polylines start."""
 OPPOSED = float(np.sin(np.radians(20)))
 """Walls at angles over 20 degrees are not opposite: their distance goes to zero at a corner and is not a width."""
-TAPER = float(np.radians(1.5))
-"""Walls that converge by at least this angle may end in a tip."""
+TAPER = float(np.radians(1.5))  # Walls that converge by at least this angle may end in a tip.
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +247,7 @@ def _edge_vectors(surface: Surface, h: Ints) -> Floats:
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
-ROUNDING = 1e-6
-"""Widened members may miss a limit by this share of the limit."""
+ROUNDING = 1e-6  # Widened members may miss a limit by this share of the limit.
 
 
 @dataclass(frozen=True, eq=False)

@@ -46,8 +46,7 @@ class Base:
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 
-ROUND = 48
-"""Number of sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle."""
+ROUND = 48  # Number of sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle.
 
 
 def positive(extra: object, *names: str) -> None:

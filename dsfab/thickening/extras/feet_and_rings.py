@@ -48,8 +48,7 @@ class Feet:
         return standing
 
 
-STRAIGHT = 1e-9
-"""A boundary vertex is not a bend if direction and normal change by less than this."""
+STRAIGHT = 1e-9  # A boundary vertex is not a bend if direction and normal change by less than this.
 
 
 @dataclass(frozen=True)

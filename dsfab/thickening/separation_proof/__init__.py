@@ -37,8 +37,7 @@ class OffsetLayer:
         return SHIFT[self.side]
 
 
-REACH = 2
-"""Number of boxes on each side of a box that belong to its block."""
+REACH = 2  # Number of boxes on each side of a box that belong to its block.
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,8 +95,7 @@ def block_steps() -> list[Ints]:
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
-CHUNK = 1 << 14
-"""Number of cells processed together, because they fit the processor's cache."""
+CHUNK = 1 << 14  # Number of cells processed together, because they fit the processor's cache.
 
 Three = tuple[Floats, Floats, Floats]
 
