@@ -11,13 +11,6 @@ from dsfab.preset.proposal.loads import MeshWishes
 from dsfab.preset.proposal.reading import Decision, preset_name, size_doubt, sizes_in_other_units
 
 __all__ = [
-    "OWN",
-    "Decision",
-    "MeshWishes",
-    "Proposal",
-    "preset_for",
-    "preset_name",
-    "propose",
-    "size_doubt",
+    "OWN", "Decision", "MeshWishes", "Proposal", "preset_for", "preset_name", "propose", "size_doubt",
     "sizes_in_other_units",
-]
+]  # fmt: skip
