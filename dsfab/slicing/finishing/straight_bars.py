@@ -6,7 +6,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, Ints, split_value, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, split_value
 from dsfab.slicing.cutting.cut import Field, adjacent_faces
 from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, adjacent_sides
 from dsfab.slicing.cutting.sheet import VOID, LineKind
@@ -15,6 +15,8 @@ from dsfab.slicing.finishing.loose_ends import CLOSED, Tidy, between_crossings, 
 from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import Surface, link_components
 from dsfab.surface.fields import CornerField
+
+TINY = 1e-12  # Least length (m) that divides a vector, so that a bar that ends where it begins gives no NaN.
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +45,9 @@ class FairBar:
         spoke, ahead = (mesh.X[vertices] - ends[0] for vertices in mesh.cells.sides(cells))
         normal = np.cross(spoke, ahead).sum(axis=0)
         normal /= np.linalg.norm(normal)
-        across = unit_vectors(np.cross(normal, unit_vectors(ends[1] - ends[0])))
+        axis = ends[1] - ends[0]
+        across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
+        across /= max(float(np.linalg.norm(across)), TINY)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
         if (widths < 0.4 * lengths).any():  # the bar touches a member obliquely
             return None
@@ -92,7 +96,7 @@ class FairBar:
     @property
     def length(self) -> float:
         """Metres from contact to contact."""
-        return float(np.linalg.norm(self.ends[1] - self.ends[0]))
+        return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
         """Position (k,) of points X (k, 3) along the bar, 0 to 1, and metres (k,) to the left of its axis."""
