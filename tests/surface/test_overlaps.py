@@ -10,7 +10,7 @@ from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.preset.proposal.reading import mesh_in_file
 from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
-from dsfab.surface.clean.overlaps import overlapping_faces
+from dsfab.surface.clean.overlaps import overlap_remarks, overlapping_faces
 from dsfab.surface.files import separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reader import describe, oriented_surface, read_surface, surface_of_file
@@ -105,6 +105,24 @@ def test_sheets_at_a_distance_folds_and_crossing_sheets_stay():
     for surface in (stacked(flat, 0.2), folded(0.05), three_leaves(), tube(12, 4), sphere(2), glued(dome(edge=0.9))):
         overlapping = overlapping_faces(surface.V, surface.F)
         assert len(overlapping.whole) == len(overlapping.part) == 0
+
+
+def test_a_doubled_ribbon_of_small_faces_is_one_ribbon():
+    """1.2 km long, with edges of 1 m: its faces are below a millionth of its size squared."""
+    ribbon = grid(1200, 1, 1200.0, 1.0)
+    both = joined(ribbon, Surface(ribbon.V, ribbon.F[:, ::-1]))
+    (words,) = overlap_remarks(both.V, both.F, both.F[:0, 0])
+    assert words.startswith("2400 of 4,800 faces lie on other faces")
+    assert len(mended_mesh(both.V, both.F).F) == ribbon.m
+
+
+def test_a_corner_far_away_makes_no_scan_and_no_sheet_on_another():
+    """Three floors, and a triangle with a corner 1000 km away, beside which they are small, thin and close."""
+    floor = grid(16, 12, 4.0, 3.0)
+    floors = joined(stacked(floor, 3.0), Surface(floor.V + [0, 0, 6.0], floor.F))
+    both = joined(floors, Surface([[0, 5, 0], [1, 5, 0], [1, 6, 1e6]], [[0, 1, 2]]))
+    assert list(overlap_remarks(both.V, both.F, both.F[:0, 0])) == []
+    assert not is_scan(both.V, both.F)
 
 
 def test_a_lap_of_two_panels_is_named_and_stays():

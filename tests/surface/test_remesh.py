@@ -184,7 +184,7 @@ def test_slivers_at_the_border_of_a_curved_sheet_do_not_stay():
 
 
 def test_low_even_triangles_at_a_fine_round_border_stay():
-    """A ring with edges of 16 mm, in rows of 8 mm, gets edges of .45 m: without its outer faces, the border is a saw."""
+    """A ring with edges of 16 mm, in rows of 8 mm, gets edges of .45 m: a border without faces is a saw."""
     ring = annulus(200, 20, 0.5, 0.66)
     new = remeshed_surface(ring, 0.45)
     perimeters = [mesh.edge_lengths[mesh.edges.boundary].sum() for mesh in (ring, new)]

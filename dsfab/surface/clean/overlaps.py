@@ -19,7 +19,7 @@ from dsfab.core.arrays import (
     weighted_quantiles,
 )
 from dsfab.core.messages import length
-from dsfab.surface.clean.seams import SAG, WELD, merged_vertices
+from dsfab.surface.clean.seams import SAG, WELD, in_reach, merged_vertices
 from dsfab.surface.mesh import bounding_box, nearest_places
 from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_components, pieces
 
@@ -120,11 +120,12 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    rays = tree.intersect_ray(V, F, starts, normal[faces])
+    # libigl misses faces whose area times the length of the ray is below 5e-7; smaller faces than WELD**2 are welded
+    rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
     # each ray meets its own face
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
     row, cover = hits[:, :2].astype(np.int64).T
-    distance = np.abs(hits[:, 2] - reach[row])
+    distance = np.abs(hits[:, 2] / WELD**2 - reach[row])
     is_near = (cover != faces[row]) & (distance <= reach[row])
     row, cover = row[is_near], cover[is_near]
     face = faces[row]
@@ -371,10 +372,12 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
     """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out."""
-    overlapping = overlapping_faces(V, F)
+    sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
+    used, near = np.unique(F[sound], return_inverse=True)
+    overlapping = overlapping_faces(V[used], near.reshape(-1, 3))
     remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
-        faces = np.setdiff1d(faces, reported)
+        faces = np.setdiff1d(sound[faces], reported)
         if len(faces):
             yield (
                 f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane "

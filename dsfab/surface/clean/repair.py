@@ -208,8 +208,7 @@ bends also tilt high faces."""
 def is_scan(V: Floats, F: Ints) -> bool:
     """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: it has folded faces, or it is fine and has small holes or
     edges of more than two faces."""
-    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    F = F[finite[F].all(axis=1)]
+    F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())
