@@ -11,6 +11,7 @@ from dsfab.core.errors import SurfaceError
 from dsfab.preset.proposal.reading import mesh_in_file
 from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
 from dsfab.surface.clean.overlaps import overlap_remarks, overlapping_faces
+from dsfab.surface.clean.seams import joined_at_points
 from dsfab.surface.files import separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reader import describe, oriented_surface, read_surface, surface_of_file
@@ -74,6 +75,20 @@ def test_quads_that_are_also_triangles_count_once(twist, apart, share):
     assert facts(mesh)[1] == 1
     assert len(facts(mesh)[2]) == 1
     assert area(mesh.V, mesh.F) == pytest.approx(area(V, once), rel=1e-3 if twist else 1e-12)
+
+
+@pytest.mark.parametrize("other", [False, True])
+def test_two_strips_that_overlap_by_a_third_are_one_vault(other):
+    """No crossing: the quads of the second strip have the same corners, but perhaps other diagonals."""
+    V, quads = vault()
+    mesh = mended_mesh(np.vstack([V, V]), np.vstack([halves(quads[:24]), halves(quads[12:], other) + len(V)]))
+    assert len(mesh.F) == 2 * len(quads)
+    assert facts(mesh)[:2] == (pytest.approx(area(V, halves(quads)), rel=1e-12), 1)
+
+
+def test_a_gap_between_two_edges_at_one_place_gets_no_face():
+    V = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0]], dtype=float)
+    assert joined_at_points(V, np.array([[0, 1, 2], [0, 3, 4]]))[1] == 0
 
 
 def test_sheets_with_other_seams_are_one_sheet():

@@ -42,11 +42,17 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,)."""
-    _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
-    twice = np.zeros(len(became), dtype=bool)
-    twice[F[(count > 1)[group.ravel()]]] = True
-    return twice
+    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,), or
+    of quads that are also divided by their other diagonals."""
+    faces = became[F]
+    _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
+    for step in range(1, int(edges.count.max())):
+        k = np.flatnonzero(edges.of.ravel()[edges.order[step:]] == edges.of.ravel()[edges.order[:-step]])
+        face, other = edges.order[k] // 3, edges.order[k + step] // 3
+        of_quad = _of_one_quad(faces, face, other)
+        is_twice[np.concatenate([face[of_quad], other[of_quad]])] = True
+    return corners_of(F, is_twice, len(became))
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
@@ -141,7 +147,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
     """Return which pairs (p,) of faces have an edge in common, and F (m, 3) has also two faces on their other ends."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
-    result: Bools = is_shared.sum(axis=1) == 2
+    result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
     if result.any():
         candidates = F[corners_of(F[face], result, int(F.max()) + 1)[F].sum(axis=1) >= 2]
         triples = set(map(tuple, np.sort(candidates, axis=1).tolist()))
