@@ -81,7 +81,10 @@ def test_quads_that_are_also_triangles_count_once(twist, apart, share):
 def test_two_strips_that_overlap_by_a_third_are_one_vault(other):
     """No crossing: the quads of the second strip have the same corners, but perhaps other diagonals."""
     V, quads = vault()
-    mesh = mended_mesh(np.vstack([V, V]), np.vstack([halves(quads[:24]), halves(quads[12:], other) + len(V)]))
+    both, faces = np.vstack([V, V]), np.vstack([halves(quads[:24]), halves(quads[12:], other) + len(V)])
+    mesh = mended_mesh(both, faces)
+    (words,) = overlap_remarks(both, faces, faces[:0, 0])
+    assert words.startswith("24 of 96 faces lie on other faces in one plane")
     assert len(mesh.F) == 2 * len(quads)
     assert facts(mesh)[:2] == (pytest.approx(area(V, halves(quads)), rel=1e-12), 1)
 
@@ -147,6 +150,11 @@ def test_a_lap_of_two_panels_is_named_and_stays():
     (words,) = parallel_remarks(lap.V, lap.F)
     assert words.startswith("8 of 32 faces lie partly on other faces in one plane (first: 3, 7, ")
     assert words.endswith("cut them where they meet the others")
+
+
+def test_faces_whose_corners_fall_together_are_not_compared():
+    V, F = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=float), np.array([[0, 1, 2], [2, 1, 0]])
+    assert list(overlap_remarks(V, F, F[:0, 0])) == []
 
 
 def test_a_flange_on_a_sheet_keeps_the_wall_on_it_closed():

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from heapq import heappop, heappush
 
 import igl
@@ -19,7 +20,7 @@ from dsfab.core.arrays import (
     weighted_quantiles,
 )
 from dsfab.core.messages import length
-from dsfab.surface.clean.seams import SAG, WELD, in_reach, merged_vertices
+from dsfab.surface.clean.seams import SAG, WELD, faces_with_area, in_reach, merged_vertices
 from dsfab.surface.mesh import bounding_box, nearest_places
 from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_components, pieces
 
@@ -47,11 +48,11 @@ def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
     faces = became[F]
     _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
     edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
+    owner, edge = edges.order // 3, edges.of.ravel()[edges.order]
     for step in range(1, int(edges.count.max())):
-        k = np.flatnonzero(edges.of.ravel()[edges.order[step:]] == edges.of.ravel()[edges.order[:-step]])
-        face, other = edges.order[k] // 3, edges.order[k + step] // 3
-        of_quad = _of_one_quad(faces, face, other)
-        is_twice[np.concatenate([face[of_quad], other[of_quad]])] = True
+        other = (edge[step:] == edge[:-step]) & ~(is_twice[owner[step:]] & is_twice[owner[:-step]])
+        pairs = np.stack([owner[:-step][other], owner[step:][other]])
+        is_twice[pairs[:, _of_one_quad(faces, *pairs)]] = True
     return corners_of(F, is_twice, len(became))
 
 
@@ -377,10 +378,16 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out."""
+    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out. The
+    mesh is first welded, as in its repair."""
     sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
     used, near = np.unique(F[sound], return_inverse=True)
-    overlapping = overlapping_faces(V[used], near.reshape(-1, 3))
+    V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
+    near = became[near.reshape(-1, 3)]
+    with_area = faces_with_area(V, near)
+    if not len(with_area):
+        return
+    sound, overlapping = sound[with_area], overlapping_faces(V, near[with_area])
     remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
         faces = np.setdiff1d(sound[faces], reported)
