@@ -333,8 +333,15 @@ def test_closed_parts_with_one_common_corner_stay_as_they_are():
     mesh = mended_mesh(V, F)
     assert mesh.repairs == ()
     assert len(mesh.F) == 8
-    with pytest.raises(SurfaceError, match=r"closed parts touch in a point \(first: vertex 0\); join them along edges"):
+    with pytest.raises(SurfaceError, match=r"parts touch in a point inside the surface \(first: vertex 0\); join"):
         oriented_surface(mesh.V, mesh.F)
+
+
+def test_open_cones_tip_to_tip_are_not_called_closed():
+    V = np.array([[0, 0, 0], [1, 0, 1], [-1, 1, 1], [-1, -1, 1], [1, 0, -1], [-1, 1, -1], [-1, -1, -1]], dtype=float)
+    F = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 5, 4], [0, 6, 5], [0, 4, 6]])
+    with pytest.raises(SurfaceError, match=r"^parts touch in a point inside the surface \(first: vertex 0\)"):
+        oriented_surface(V, F)
 
 
 def beside(division):
