@@ -21,7 +21,7 @@ COMMANDS = {
     "and no faces": "build points.obj",
     "is in miles": "build miles.dxf",
     "has steps of": "build far.off",
-    "closed parts touch": "build corner.obj",
+    "parts touch in a point inside the surface": "build corner.obj",
     "would move": "build dome --set statics.young=1e7",
     "which is impossible": "build dome --set statics.thickness=60",
     "touch no support": "build two.obj --set surface.support=[{at={pick='boundary',loop=0},hold='xyz'}]",

@@ -10,7 +10,8 @@ from dsfab.core.arrays import polygon_perimeter
 from dsfab.core.errors import SurfaceError
 from dsfab.preset.proposal.reading import mesh_in_file
 from dsfab.surface import Surface, is_scan, mended_mesh, parallel_remarks
-from dsfab.surface.clean.overlaps import overlapping_faces
+from dsfab.surface.clean.overlaps import overlap_remarks, overlapping_faces
+from dsfab.surface.clean.seams import joined_at_points
 from dsfab.surface.files import separate_process
 from dsfab.surface.files.mesh_files import raw_mesh
 from dsfab.surface.files.reader import describe, oriented_surface, read_surface, surface_of_file
@@ -76,6 +77,23 @@ def test_quads_that_are_also_triangles_count_once(twist, apart, share):
     assert area(mesh.V, mesh.F) == pytest.approx(area(V, once), rel=1e-3 if twist else 1e-12)
 
 
+@pytest.mark.parametrize("other", [False, True])
+def test_two_strips_that_overlap_by_a_third_are_one_vault(other):
+    """No crossing: the quads of the second strip have the same corners, but perhaps other diagonals."""
+    V, quads = vault()
+    both, faces = np.vstack([V, V]), np.vstack([halves(quads[:24]), halves(quads[12:], other) + len(V)])
+    mesh = mended_mesh(both, faces)
+    (words,) = overlap_remarks(both, faces, faces[:0, 0])
+    assert words.startswith("24 of 96 faces lie on other faces in one plane")
+    assert len(mesh.F) == 2 * len(quads)
+    assert facts(mesh)[:2] == (pytest.approx(area(V, halves(quads)), rel=1e-12), 1)
+
+
+def test_a_gap_between_two_edges_at_one_place_gets_no_face():
+    V = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, -1, 0], [1, 0, 0]], dtype=float)
+    assert joined_at_points(V, np.array([[0, 1, 2], [0, 3, 4]]))[1] == 0
+
+
 def test_sheets_with_other_seams_are_one_sheet():
     """Two plates of 3 x 2 m in other divisions share their corners only."""
     for nx, ny in ((2, 3), (5, 4), (7, 1)):
@@ -107,6 +125,24 @@ def test_sheets_at_a_distance_folds_and_crossing_sheets_stay():
         assert len(overlapping.whole) == len(overlapping.part) == 0
 
 
+def test_a_doubled_ribbon_of_small_faces_is_one_ribbon():
+    """1.2 km long, with edges of 1 m: its faces are below a millionth of its size squared."""
+    ribbon = grid(1200, 1, 1200.0, 1.0)
+    both = joined(ribbon, Surface(ribbon.V, ribbon.F[:, ::-1]))
+    (words,) = overlap_remarks(both.V, both.F, both.F[:0, 0])
+    assert words.startswith("2400 of 4,800 faces lie on other faces")
+    assert len(mended_mesh(both.V, both.F).F) == ribbon.m
+
+
+def test_a_corner_far_away_makes_no_scan_and_no_sheet_on_another():
+    """Three floors, and a triangle with a corner 1000 km away, beside which they are small, thin and close."""
+    floor = grid(16, 12, 4.0, 3.0)
+    floors = joined(stacked(floor, 3.0), Surface(floor.V + [0, 0, 6.0], floor.F))
+    both = joined(floors, Surface([[0, 5, 0], [1, 5, 0], [1, 6, 1e6]], [[0, 1, 2]]))
+    assert list(overlap_remarks(both.V, both.F, both.F[:0, 0])) == []
+    assert not is_scan(both.V, both.F)
+
+
 def test_a_lap_of_two_panels_is_named_and_stays():
     left, right = grid(4, 2, 2.0, 1.0), grid(4, 2, 2.0, 1.0)
     lap = joined(left, Surface(right.V + [1.7, 0.13, 0], right.F))
@@ -114,6 +150,11 @@ def test_a_lap_of_two_panels_is_named_and_stays():
     (words,) = parallel_remarks(lap.V, lap.F)
     assert words.startswith("8 of 32 faces lie partly on other faces in one plane (first: 3, 7, ")
     assert words.endswith("cut them where they meet the others")
+
+
+def test_faces_whose_corners_fall_together_are_not_compared():
+    V, F = np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], dtype=float), np.array([[0, 1, 2], [2, 1, 0]])
+    assert list(overlap_remarks(V, F, F[:0, 0])) == []
 
 
 def test_a_flange_on_a_sheet_keeps_the_wall_on_it_closed():
@@ -292,8 +333,15 @@ def test_closed_parts_with_one_common_corner_stay_as_they_are():
     mesh = mended_mesh(V, F)
     assert mesh.repairs == ()
     assert len(mesh.F) == 8
-    with pytest.raises(SurfaceError, match=r"closed parts touch in a point \(first: vertex 0\); join them along edges"):
+    with pytest.raises(SurfaceError, match=r"parts touch in a point inside the surface \(first: vertex 0\); join"):
         oriented_surface(mesh.V, mesh.F)
+
+
+def test_open_cones_tip_to_tip_are_not_called_closed():
+    V = np.array([[0, 0, 0], [1, 0, 1], [-1, 1, 1], [-1, -1, 1], [1, 0, -1], [-1, 1, -1], [-1, -1, -1]], dtype=float)
+    F = np.array([[0, 1, 2], [0, 2, 3], [0, 3, 1], [0, 5, 4], [0, 6, 5], [0, 4, 6]])
+    with pytest.raises(SurfaceError, match=r"^parts touch in a point inside the surface \(first: vertex 0\)"):
+        oriented_surface(V, F)
 
 
 def beside(division):

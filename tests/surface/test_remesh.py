@@ -183,6 +183,14 @@ def test_slivers_at_the_border_of_a_curved_sheet_do_not_stay():
     assert smallest_angle(mesh) > 15
 
 
+def test_low_even_triangles_at_a_fine_round_border_stay():
+    """A ring with edges of 16 mm, in rows of 8 mm, gets edges of .45 m: a border without faces is a saw."""
+    ring = annulus(200, 20, 0.5, 0.66)
+    new = remeshed_surface(ring, 0.45)
+    perimeters = [mesh.edge_lengths[mesh.edges.boundary].sum() for mesh in (ring, new)]
+    assert perimeters[1] == pytest.approx(perimeters[0], rel=0.01)
+
+
 def test_noise_makes_no_creases_and_coarsens():
     """A plate of 7 200 triangles with noise of a fifth of its edges: 3 555 edges are sharp by chance."""
     rough = jittered(grid(60, 60, 1.0, 1.0), 0.0)

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from heapq import heappop, heappush
 
 import igl
@@ -19,7 +20,7 @@ from dsfab.core.arrays import (
     weighted_quantiles,
 )
 from dsfab.core.messages import length
-from dsfab.surface.clean.seams import SAG, WELD, merged_vertices
+from dsfab.surface.clean.seams import SAG, WELD, faces_with_area, in_reach, merged_vertices
 from dsfab.surface.mesh import bounding_box, nearest_places
 from dsfab.surface.topology import EdgeTable, corners_of, edge_table, link_components, pieces
 
@@ -42,11 +43,17 @@ def crossing_pairs(F: Ints, pairs: Ints) -> Bools:
 
 
 def _on_repeated_faces(F: Ints, became: Ints) -> Bools:
-    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,)."""
-    _, group, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
-    twice = np.zeros(len(became), dtype=bool)
-    twice[F[(count > 1)[group.ravel()]]] = True
-    return twice
+    """Return the vertices (n,) of faces that are equal to another face if each vertex is replaced by `became` (n,), or
+    of quads that are also divided by their other diagonals."""
+    faces = became[F]
+    _, group, count = np.unique(np.sort(faces, axis=1), axis=0, return_inverse=True, return_counts=True)
+    edges, is_twice = edge_table(faces), (count > 1)[group.ravel()]
+    owner, edge = edges.order // 3, edges.of.ravel()[edges.order]
+    for step in range(1, int(edges.count.max())):
+        other = (edge[step:] == edge[:-step]) & ~(is_twice[owner[step:]] & is_twice[owner[:-step]])
+        pairs = np.stack([owner[:-step][other], owner[step:][other]])
+        is_twice[pairs[:, _of_one_quad(faces, *pairs)]] = True
+    return corners_of(F, is_twice, len(became))
 
 
 def _crossing_ends(edges: Ints, pairs: Ints, is_crossing: Bools) -> Bools:
@@ -120,11 +127,12 @@ def _covers(tree: igl.AABB, V: Floats, F: Ints, faces: Ints, samples: Ints) -> I
     normal = unit_vectors(area_vectors(V, F))
     reach = np.maximum(SAG * lengths(P - np.roll(P, 1, axis=1)).max(axis=1), WELD)[faces]
     starts = np.einsum("kc,kci->ki", SAMPLES[samples], P[faces]) - reach[:, None] * normal[faces]
-    rays = tree.intersect_ray(V, F, starts, normal[faces])
+    # libigl misses faces whose area times the length of the ray is below 5e-7; smaller faces than WELD**2 are welded
+    rays = tree.intersect_ray(V, F, starts, normal[faces] / WELD**2)
     # each ray meets its own face
     hits = np.array([(k, *hit[:2]) for k, ray in enumerate(rays) if len(ray) > 1 for hit in ray]).reshape(-1, 3)
     row, cover = hits[:, :2].astype(np.int64).T
-    distance = np.abs(hits[:, 2] - reach[row])
+    distance = np.abs(hits[:, 2] / WELD**2 - reach[row])
     is_near = (cover != faces[row]) & (distance <= reach[row])
     row, cover = row[is_near], cover[is_near]
     face = faces[row]
@@ -140,7 +148,7 @@ def _of_one_quad(F: Ints, face: Ints, cover: Ints) -> Bools:
     """Return which pairs (p,) of faces have an edge in common, and F (m, 3) has also two faces on their other ends."""
     is_equal = F[face][:, :, None] == F[cover][:, None, :]
     is_shared, is_shared_there = is_equal.any(axis=2), is_equal.any(axis=1)
-    result: Bools = is_shared.sum(axis=1) == 2
+    result: Bools = (is_shared.sum(axis=1) == 2) & (is_shared_there.sum(axis=1) == 2)
     if result.any():
         candidates = F[corners_of(F[face], result, int(F.max()) + 1)[F].sum(axis=1) >= 2]
         triples = set(map(tuple, np.sort(candidates, axis=1).tolist()))
@@ -370,11 +378,19 @@ def parallel_remarks(V: Floats, F: Ints) -> Iterator[str]:
 
 
 def overlap_remarks(V: Floats, F: Ints, reported: Ints) -> Iterator[str]:
-    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out."""
-    overlapping = overlapping_faces(V, F)
+    """Yield sentences on the faces of a mesh V (n, 3), F (m, 3) that lie on others; `reported` (k,) are left out. The
+    mesh is first welded, as in its repair."""
+    sound = np.flatnonzero(in_reach(V)[F].all(axis=1))
+    used, near = np.unique(F[sound], return_inverse=True)
+    V, became = merged_vertices(V[used], WELD, partial(crossing_pairs, near.reshape(-1, 3)))
+    near = became[near.reshape(-1, 3)]
+    with_area = faces_with_area(V, near)
+    if not len(with_area):
+        return
+    sound, overlapping = sound[with_area], overlapping_faces(V, near[with_area])
     remedies = "remove them, or set surface.mend = true", "cut them where they meet the others"
     for faces, partly, remedy in zip((overlapping.whole, overlapping.part), ("", "partly "), remedies, strict=True):
-        faces = np.setdiff1d(faces, reported)
+        faces = np.setdiff1d(sound[faces], reported)
         if len(faces):
             yield (
                 f"{len(faces)} of {len(F):,} faces lie {partly}on other faces in one plane "

@@ -10,7 +10,15 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, complement, gro
 from dsfab.core.messages import count_phrase, length
 from dsfab.surface.clean.borders import even_edges, hole_triangles
 from dsfab.surface.clean.overlaps import crossing_pairs, overlapping_faces, single_sheets
-from dsfab.surface.clean.seams import ASTRAY_RATIO, WELD, in_reach, joined_at_points, merged_vertices, stitched_faces
+from dsfab.surface.clean.seams import (
+    ASTRAY_RATIO,
+    WELD,
+    faces_with_area,
+    in_reach,
+    joined_at_points,
+    merged_vertices,
+    stitched_faces,
+)
 from dsfab.surface.edge_changes import contracted_faces, leading_candidates, meets_link_condition
 from dsfab.surface.topology import (
     EdgeTable,
@@ -127,12 +135,6 @@ def _join_at_points(mesh: MendedMesh) -> MendedMesh:
     return replace(mesh, F=F, repairs=(*mesh.repairs, words)) if count else mesh
 
 
-def _with_area(V: Floats, F: Ints) -> Ints:
-    P = V[F]
-    longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
-    return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
-
-
 def _single_faces(V: Floats, F: Ints) -> Ints:
     """Return the faces (k,), without those that lie on the remaining faces.
     Both copies of a face are removed if two further faces continue at one of its edges. Such copies lie flat between
@@ -161,7 +163,7 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(np.bincount(piece, area, minlength=count)[piece] >= CRUMB * area.sum())
 
 
-_UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)
+_UNSOUND: tuple[Fault, ...] = ((faces_with_area, _NO_AREA),)
 _TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that already have two faces (a rib?)"),)
 _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in tiny loose pieces"),)
 
@@ -208,8 +210,7 @@ bends also tilt high faces."""
 def is_scan(V: Floats, F: Ints) -> bool:
     """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: it has folded faces, or it is fine and has small holes or
     edges of more than two faces."""
-    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
-    F = F[finite[F].all(axis=1)]
+    F = F[in_reach(V)[F].all(axis=1)]
     if not len(F):
         return False
     edges, side = edge_table(F), float(np.ptp(V[F].reshape(-1, 3), axis=0).max())

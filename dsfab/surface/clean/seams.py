@@ -7,7 +7,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, distances_from_segments, distinct, lengths, positions_on_segments
+from dsfab.core.arrays import (
+    Bools,
+    Floats,
+    Ints,
+    area_vectors,
+    distances_from_segments,
+    distinct,
+    lengths,
+    positions_on_segments,
+)
 from dsfab.surface.topology import EdgeTable, corner_fans, edge_table, link_components, next_half_edge, pinches
 
 WELD = 5e-5  # Vertices nearer than this share of the mesh's largest side become one vertex.
@@ -207,6 +216,13 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     return np.concatenate([faces, np.stack([vertex, onward, across], axis=1)])
 
 
+def faces_with_area(V: Floats, F: Ints) -> Ints:
+    """Return the faces (k,) of V (n, 3), F (m, 3) with an area, compared with the square of their longest edges."""
+    P = V[F]
+    longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
+    return np.flatnonzero(lengths(area_vectors(V, F)) > 1e-9 * longest**2)
+
+
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     """Close the narrowest gap at each vertex in which two parts touch, for example two openings with a common corner.
     A new face of F (m, 3) fills the gap. Returns the faces and the number of new faces. The faces stay unchanged if an
@@ -222,6 +238,7 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
     fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
     candidates = [_gusset(V, int(v), away[corner_vertex == v], fan[corner_vertex == v]) for v in points]
     gussets = np.array([face for face in candidates if face is not None], dtype=np.int64).reshape(-1, 3)
+    gussets = gussets[faces_with_area(V, gussets)]  # a gap between two edges at one place needs no face
     _, first_faces = np.unique(np.sort(gussets, axis=1), axis=0, return_index=True)
     faces = np.concatenate([F, gussets[np.sort(first_faces)]])
     crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()

@@ -64,7 +64,7 @@ def read_surface(
     reports the repairs.
 
     Raises SurfaceError for an unreadable file, coordinates that are not finite, collapsed or repeated faces, edges with
-    more than two faces, and closed parts that touch in a point."""
+    more than two faces, and parts that touch in a point inside the surface."""
     return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
 
 
@@ -148,7 +148,8 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     inside = points[~on_boundary(edges, int(F.max()) + 1)[points]]
     if len(inside):
         raise SurfaceError(
-            f"closed parts touch in a point (first: vertex {inside[0]}); join them along edges, or move them apart"
+            f"parts touch in a point inside the surface (first: vertex {inside[0]}); join them along edges, or move "
+            "them apart"
         )
 
 

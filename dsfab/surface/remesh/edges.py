@@ -393,8 +393,8 @@ def with_ears_flipped(surface: Surface) -> Surface:
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
 
 
-def without_rim_slivers(surface: Surface, edge: float) -> Surface:
-    """Return the surface without faces on a border edge that are lower than `TOLERANCE` of it, or of `edge` (m).
+def without_rim_slivers(surface: Surface) -> Surface:
+    """Return the surface without faces on a border edge that are lower than the share `TOLERANCE` of it.
     Triangulations of points near a border have such faces. Their normals are rounding, so nothing collapses them, and a
     sheet there seems to bend sharply. The border then passes through the third corner, which was an inner vertex."""
     V, F, edges = surface.V, surface.F, surface.edges
@@ -402,7 +402,7 @@ def without_rim_slivers(surface: Surface, edge: float) -> Surface:
     side = bare.argmax(axis=1)  # from corner `side` to the next
     a, b, tip = (F[np.arange(len(F)), (side + k) % 3] for k in range(3))
     base = edge_lengths(V, np.stack([a, b], axis=1))
-    low = 2 * surface.areas < TOLERANCE * np.maximum(edge, base) * base
+    low = 2 * surface.areas < TOLERANCE * base**2  # by shape only: low even faces around a fine hole stay
     low &= (bare.sum(axis=1) == 1) & ~on_boundary(edges, surface.n)[tip]
     low &= (angles_at(V, a, b, tip) < np.pi / 2) & (angles_at(V, b, a, tip) < np.pi / 2)
     chosen = np.flatnonzero(low)
