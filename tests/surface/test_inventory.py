@@ -508,3 +508,15 @@ def test_a_mirrored_roof_still_looks_up(tmp_path):
         raw = raw_mesh(path)
         a, b, c = (raw.V[raw.F[:, k]] for k in range(3))
         assert (np.cross(b - a, c - a)[:, 2] > 0).all(), path
+
+
+@pytest.mark.parametrize("inner", [1, -1])
+@pytest.mark.parametrize("outer", [1, -1])
+def test_a_roof_in_nested_dxf_blocks_looks_up(inner, outer, tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf")
+    add_roof(document.blocks.new("roof"))
+    document.blocks.new("house").add_blockref("roof", (0, 0), dxfattribs={"xscale": inner})
+    document.modelspace().add_blockref("house", (0, 0), dxfattribs={"yscale": outer})
+    document.saveas(path)
+    assert (read_surface(path).normals[:, 2] > 0).all()
+    assert content(path).get(("mirrored block insertion", "taken"), 0) == [inner, outer].count(-1)

@@ -184,10 +184,11 @@ class _Entities:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0
-        self.counts[Content("mirrored block insertion" if turned else "block insertion")] += insert.mcount
+        turned = insert.matrix44().determinant() < 0  # also by outer blocks, which virtual_entities() applies
+        words = "block insertion" if turned == mirrored else "mirrored block insertion"
+        self.counts[Content(words)] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, mirrored != turned)
+            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned)
 
 
 def _require_numbers(entity: Any) -> None:
