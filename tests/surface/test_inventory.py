@@ -134,8 +134,35 @@ def test_a_hidden_3dm_layer_marks_no_support_unless_it_is_named(tmp_path):
     circle = rhino3dm.Circle(rhino3dm.Point3d(0, 0, 0), 1.0).ToNurbsCurve()
     model.Objects.AddCurve(circle, layer(model, "support", visible=False))
     drawing = read_rhino(saved(model, tmp_path / "marks.3dm"), DrawingBudget())
-    assert drawing.hidden == ("support",)
-    assert len(drawing.runs) == 1
+    assert [(name, hidden) for name, _, hidden in drawing.runs] == [("support", True)]
+
+
+def line_on(model, about):
+    model.Objects.AddCurve(rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0)), about)
+
+
+def test_a_hidden_3dm_layer_hides_no_support_on_a_layer_of_the_same_name(tmp_path):
+    model = rhino_model()
+    line_on(model, layer(model, "support", above=layer(model, "A").LayerIndex))
+    line_on(model, layer(model, "support", above=layer(model, "B", visible=False).LayerIndex))
+    path = saved(model, tmp_path / "marks.3dm")
+    assert len(marks_on_layers(path, ("support",), 1.0)["support"].curves) == 1
+
+
+def test_lines_in_a_hidden_block_are_no_supports(tmp_path):
+    document, path = dxf(tmp_path / "marks.dxf", "support", "frozen")
+    document.layers.get("frozen").freeze()
+    document.blocks.new("edge").add_line((0, 0), (1, 0), dxfattribs={"layer": "support"})
+    document.modelspace().add_blockref("edge", (0, 0), dxfattribs={"layer": "frozen"})
+    document.saveas(path)
+    model, line = rhino_model(), rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
+    model.InstanceDefinitions.Add("edge", "", "", "", rhino3dm.Point3d(0, 0, 0), (line,), (layer(model, "support"),))
+    insertion = rhino3dm.InstanceReference(model.InstanceDefinitions[0].Id, rhino3dm.Transform(1.0))
+    model.Objects.Add(insertion, layer(model, "off", visible=False))
+    for file in (path, saved(model, tmp_path / "marks.3dm")):
+        assert marks_on_layers(file, ("support",), 1.0) == {}
+        with pytest.raises(SurfaceError, match="visible layers, has no curve"):
+            closed_curves(file, None, "m")
 
 
 def test_objects_on_many_hidden_layers_are_one_line(tmp_path):
@@ -218,7 +245,8 @@ def test_marks_on_a_hidden_dxf_layer_are_ignored_but_a_named_layer_is_read(tmp_p
     assert [*marks_on_layers(path, ("support", "void"), 1.0)] == ["void"]
     assert len(closed_curves(path, None, None)) == 1
     assert len(closed_curves(path, "support", None)) == 1
-    assert read_dxf(path, DrawingBudget()).hidden == ("support",)
+    hidden = {layer: hidden for layer, _, hidden in read_dxf(path, DrawingBudget()).runs}
+    assert hidden == {"support": True, "void": False}
 
 
 # ---- glTF ----

@@ -383,15 +383,14 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit.
-    runs : layer and points (k, 3) of each curve.    layers : names of all layers.    unit : None if the file has no
-           unit that dsfab knows.
-    points : layer and place (1, 3) of each single point.    hidden : names of the layers that the file hides."""
+    runs   : layer and points (k, 3) of each curve, and whether the file hides it.
+    layers : names of all layers.    unit : None if the file has no unit that dsfab knows.
+    points : layer and place (1, 3) of each single point, and whether the file hides it."""
 
-    runs: tuple[tuple[str, Floats], ...]
+    runs: tuple[tuple[str, Floats, bool], ...]
     layers: tuple[str, ...]
     unit: str | None
-    points: tuple[tuple[str, Floats], ...] = ()
-    hidden: tuple[str, ...] = ()
+    points: tuple[tuple[str, Floats, bool], ...] = ()
 
 
 @dataclass(frozen=True)
