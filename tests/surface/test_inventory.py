@@ -305,6 +305,15 @@ def test_hidden_and_unused_gltf_meshes_are_named(tmp_path):
     assert read_surface(path).area == pytest.approx(AREA)
 
 
+def test_a_gltf_file_without_a_scene_is_read_whole(tmp_path):
+    path = glb(tmp_path / "roof.glb", [{"children": [1]}, {"translation": [0, 5, 0]}])
+    file = pygltflib.GLTF2().load(str(path))
+    file.scene, file.scenes = None, []
+    file.save(str(path))
+    assert read_surface(path).area == pytest.approx(2 * AREA)
+    assert raw_mesh(path).record.remarks == ("read: the file names no scene: all its objects are taken",)
+
+
 @pytest.mark.parametrize("version", ["1.0", None])
 def test_gltf_1_is_named(version, tmp_path):
     tree = {"meshes": {"roof": {}}, "scenes": {}} | ({"asset": {"version": version}} if version else {})
@@ -428,6 +437,13 @@ def test_faces_of_plain_formats_are_counted_as_trimesh_counts_them(tmp_path):
     text = (tmp_path / "obj.obj").read_text() + "l 1 2\nl 2 3\np 1\nf 1 2\n"
     counts = content(written(tmp_path / "more.obj", text))
     assert (counts["line", "dropped"], counts["point", "dropped"], counts["face", "dropped"]) == (2, 1, 1)
+
+
+def test_the_name_of_an_stl_solid_may_have_the_word_facet(tmp_path):
+    loop = "outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet"
+    for start in ("solid vault with facet pattern\nfacet normal 0 0 1", "solid a facet normal 0 0 1", "solid facet"):
+        path = written(tmp_path / "vault.stl", f"{start} {loop}\nendsolid vault with facet pattern\n")
+        assert read_surface(path).area == pytest.approx(0.5)
 
 
 @pytest.mark.slow

@@ -37,7 +37,7 @@ _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
     rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
-_BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
+_BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s+(?:normal|outer)\b|\Z)", re.IGNORECASE)
 _SOLID = re.compile(r"^\s*solid\b", re.IGNORECASE | re.MULTILINE)
 CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
