@@ -367,6 +367,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
+        step *= (P % (2 * step)).any(axis=0)  # other numbers, such as whole metres, may be exact
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
