@@ -350,7 +350,7 @@ def archive(path, text, **more):
 
 
 def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
-    """Objects, items, components, beams and aids of the print, as lib3mf counts them."""
+    """Meshes at their places, beams and aids of the print, as lib3mf counts them."""
     lib3mf = pytest.importorskip("lib3mf")
     beams = '<b:beamlattice radius="0.1" minlength="0.01"><b:beams><b:beam v1="0" v2="1"/></b:beams></b:beamlattice>'
     objects = [("", mesh_text()), ('type="support"', mesh_text()), ('type="other"', mesh_text())]
@@ -362,10 +362,9 @@ def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
     theirs = lib3mf.get_wrapper().CreateModel()
     theirs.QueryReader("3mf").ReadFromFile(str(path))
     counts = content(path)
-    drawn = counts["object", "taken"] + counts["object", "dropped"]  # the components object draws the first again
-    assert drawn == theirs.GetMeshObjects().Count() + 1
-    assert counts["item", "taken"] == 5
-    assert counts["component", "taken"] == theirs.GetComponentsObjects().Count() == 1
+    assert counts["mesh", "taken"] == 2 + theirs.GetComponentsObjects().Count()  # the component draws the first again
+    assert counts["mesh", "taken"] - 1 + counts["object", "dropped"] == theirs.GetMeshObjects().Count()
+    assert record.surface_words == "3 meshes"
     assert counts["beam", "dropped"] == 1
     assert "1 object of the type 'support'" in record.dropped
     assert "1 object of the type 'other'" in record.dropped
@@ -444,6 +443,15 @@ def test_the_name_of_an_stl_solid_may_have_the_word_facet(tmp_path):
     for start in ("solid vault with facet pattern\nfacet normal 0 0 1", "solid a facet normal 0 0 1", "solid facet"):
         path = written(tmp_path / "vault.stl", f"{start} {loop}\nendsolid vault with facet pattern\n")
         assert read_surface(path).area == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_only_ply_elements_with_records_are_dropped(count, tmp_path):
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{axes}element face 1\nproperty list uchar int vertex_indices\n"
+    head += f"element edge {count}\nproperty int vertex1\nend_header\n"
+    path = written(tmp_path / "roof.ply", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + count * "0\n")
+    assert dropped(path) == count * "1 record of the element 'edge'"
 
 
 @pytest.mark.slow

@@ -175,14 +175,12 @@ class _Plate:
             self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"))
         elif kind == "component":
             self.open.parts.append((self._key(values), _place(values)))
-            self.counts[Content("component")] += 1
         elif kind == "item" and self.part == self.root:
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
                 self.unprinted.append(self._key(values))
             else:
                 self.items.append((self._key(values), _place(values)))
-                self.counts[Content("item")] += 1
         elif kind == "model":
             self._model(values)
 
@@ -223,7 +221,7 @@ class _Plate:
                 self.counts[_AID] += 1
             if len(F):
                 mirrored = np.linalg.det(place[:3, :3]) < 0
-                self.counts[Content("mirrored object" if mirrored else "object")] += 1
+                self.counts[Content("mirrored mesh" if mirrored else "mesh")] += 1
             yield mesh_at(V, F[is_model], place)
         for part, inner in thing.parts:
             if (key[1], part[1]) in self.aids:
