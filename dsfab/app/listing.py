@@ -187,6 +187,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),
         ("taken", facts.record.surface_words),
+        ("marks", facts.record.mark_words),
         ("beside", facts.record.other_words and f"{facts.record.other_words}: no surface"),
         *(("repaired", text) for text in facts.record.repaired),
         *(("dropped", text) for text in facts.record.dropped),

@@ -125,7 +125,8 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
         assert f"1 hidden object on layer {words}" in record.dropped
     assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
     assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
-    assert record.other_words == "2 points, 1 curve on layer 'support', 1 curve"
+    assert record.other_words == "2 points, 1 curve"
+    assert record.mark_words == "1 curve on layer 'support'"
     assert describe(path).area == pytest.approx(3 * AREA)
 
 
@@ -223,7 +224,8 @@ def test_every_entity_of_a_dxf_file_is_accounted_for(tmp_path):
     assert "2 hidden objects on layer 'off'" in record.dropped
     assert "1 curve on layer 'supports'; did you mean layer support?" in record.dropped
     assert "1 SOLID object" in record.dropped
-    assert record.other_words == "1 point on layer 'load', 1 TEXT object, 1 object in paper space"
+    assert record.other_words == "1 TEXT object, 1 object in paper space"
+    assert record.mark_words == "1 point on layer 'load'"
     assert describe(path).area == pytest.approx(2 * AREA + 0.5)
 
 
