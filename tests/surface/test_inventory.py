@@ -219,6 +219,7 @@ def test_every_entity_of_a_dxf_file_is_accounted_for(tmp_path):
     count = sum(len(page) for page in document.layouts) + 2  # and the content of two insertions that are no hidden ones
     assert sum(thing.count for thing in record.content) == count
     assert content(path)["mesh", "taken"] == 2
+    assert record.read == (f"DXF: {2 * N + 3} vertices, {2 * M + 1} triangles",)
     assert content(path)["hidden object", "dropped"] == 5
     assert "3 hidden objects on layer 'off'" not in record.dropped
     assert "2 hidden objects on layer 'off'" in record.dropped
@@ -434,7 +435,9 @@ def test_faces_of_plain_formats_are_counted_as_trimesh_counts_them(tmp_path):
         (scene if suffix == "obj" else whole).export(path, file_type=suffix)
         assert content(path)["face", "taken"] == len(whole.faces)
     assert content(tmp_path / "obj.obj")["group", "taken"] == len(scene.geometry)
-    assert content(tmp_path / "stl_ascii.stl")["solid", "taken"] == 1
+    assert raw_mesh(tmp_path / "stl_ascii.stl").record.surface_words == ""
+    twice = 2 * (tmp_path / "stl_ascii.stl").read_text()
+    assert content(written(tmp_path / "two.stl", twice))["part", "taken"] == 2
     text = (tmp_path / "obj.obj").read_text() + "l 1 2\nl 2 3\np 1\nf 1 2\n"
     counts = content(written(tmp_path / "more.obj", text))
     assert (counts["line", "dropped"], counts["point", "dropped"], counts["face", "dropped"]) == (2, 1, 1)
@@ -454,6 +457,11 @@ def test_only_ply_elements_with_records_are_dropped(count, tmp_path):
     head += f"element edge {count}\nproperty int vertex1\nend_header\n"
     path = written(tmp_path / "roof.ply", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + count * "0\n")
     assert dropped(path) == count * "1 record of the element 'edge'"
+
+
+def test_only_obj_groups_with_faces_are_counted(tmp_path):
+    text = "g line\nv 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\no roof\ng tiles\nf 1 2 3\ng\ng tiles\nf 2 1 3\n  g g\nf 3 1 2\n"
+    assert content(written(tmp_path / "roof.obj", text))["group", "taken"] == 2
 
 
 @pytest.mark.slow

@@ -138,7 +138,7 @@ def _model(path: Path) -> Any:
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it also counts them. A file lists the content of a block among
     all objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix.
-    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects, too.
+    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects.
     counts : counted insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:

@@ -88,8 +88,9 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    solids = Content("solid", count=len(_SOLID.findall(text)))
-    return TriangleFile(V, F, doubts=doubts, content=(Content("face", count=len(numbers) // 9), solids))
+    parts = len(_SOLID.findall(text))  # STL calls them solids, but they may be open
+    counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
+    return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
 
 def _line_number(text: str, position: int) -> int:
