@@ -186,8 +186,7 @@ class _Entities:
             self.counts[Content("external reference", "dropped", words)] += 1
             return
         turned = insert.matrix44().determinant() < 0  # also by outer blocks, which virtual_entities() applies
-        words = "block insertion" if turned == mirrored else "mirrored block insertion"
-        self.counts[Content(words)] += insert.mcount
+        self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
 
