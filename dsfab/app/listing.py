@@ -9,7 +9,7 @@ from cyclopts import Parameter
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import ExitCode, Reporter, print_lines, print_result
 from dsfab.core.errors import PresetError, SurfaceError
-from dsfab.core.messages import length
+from dsfab.core.messages import count_phrase, length
 from dsfab.report.design.carrying import reaction_lines
 from dsfab.report.design.inspection import (
     fabrication_facts,
@@ -171,7 +171,8 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         ("likely unit", _unit_words(facts)),
         (
             "mesh",
-            f"{facts.vertices:,} vertices, {facts.faces:,} triangles, edges of {length(facts.mean_edge)} on average",
+            f"{facts.vertices:,} vertices, {count_phrase(facts.faces, 'triangle')}, edges of "
+            f"{length(facts.mean_edge)} on average",
         ),
         ("polygons", f"{facts.polygons:,} in the file, cut into triangles" if facts.polygons < facts.faces else ""),
         ("area", f"{facts.area:.4g} m2"),
@@ -187,6 +188,7 @@ def _fact_rows(facts: "MeshFacts") -> list[tuple[str, str]]:
         *(("because", fault) for fault in facts.faults),
         *(("read", text) for text in facts.record.read),
         ("taken", facts.record.surface_words),
+        ("marks", facts.record.mark_words),
         ("beside", facts.record.other_words and f"{facts.record.other_words}: no surface"),
         *(("repaired", text) for text in facts.record.repaired),
         *(("dropped", text) for text in facts.record.dropped),

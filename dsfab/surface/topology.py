@@ -7,6 +7,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from dsfab.core.arrays import Bools, Ints, complement, first_few
+from dsfab.core.messages import count_phrase
 
 LONGEST_WALK = 100  # Largest number of steps of a walk around a vertex; each step takes time for all walks.
 
@@ -268,10 +269,7 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
         (crowded, f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)})"),
         (twice, f"{len(twice)} faces repeat an earlier face (first: {first_few(twice)})"),
         (opposed, f"{len(opposed)} edges have faces of opposite sides (first: {named_edges(opposed, edges)}){note}"),
-        (
-            touching,
-            f"{len(touching)} vertices are pinches, where parts touch in a point (first: {first_few(touching)})",
-        ),
+        (touching, f"parts touch in a point at {count_phrase(len(touching), 'vertex')} (first: {first_few(touching)})"),
     )
     return tuple(sentence for where, sentence in faults if len(where))
 

@@ -483,10 +483,12 @@ def test_inspect_prints_the_inventory_of_a_file(capsys, tmp_path):
             document.modelspace().add_3dface(corners, dxfattribs={"layer": layer})
     document.modelspace().add_line((0, 0), (1, 0))
     document.modelspace().add_line((0, 0), (8, 0), dxfattribs={"layer": "supports"})
+    document.modelspace().add_line((0, 0), (8, 0), dxfattribs={"layer": "support"})
     document.saveas(file := tmp_path / "roof.dxf")
     _, said, _ = run(capsys, "inspect", str(file))
     rows = [line.split(None, 1) for line in said.splitlines()]
     assert ["beside", "1 curve: no surface"] in rows
+    assert ["marks", "1 curve on layer 'support'"] in rows
     assert ["dropped", "2 hidden objects on layer 'old'"] in rows
     assert ["dropped", "1 curve on layer 'supports'; did you mean layer support?"] in rows
     _, said, _ = run(capsys, "new", str(file), "-o", str(tmp_path / "roof.toml"))

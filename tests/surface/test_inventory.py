@@ -125,7 +125,8 @@ def test_every_object_of_a_3dm_file_is_accounted_for(tmp_path):
         assert f"1 hidden object on layer {words}" in record.dropped
     assert "1 curve on layer 'Auflager'; did you mean layer support?" in record.dropped
     assert "1 point on layer 'support 2'; did you mean layer support?" in record.dropped
-    assert record.other_words == "2 points, 1 curve on layer 'support', 1 curve"
+    assert record.other_words == "2 points, 1 curve"
+    assert record.mark_words == "1 curve on layer 'support'"
     assert describe(path).area == pytest.approx(3 * AREA)
 
 
@@ -134,8 +135,35 @@ def test_a_hidden_3dm_layer_marks_no_support_unless_it_is_named(tmp_path):
     circle = rhino3dm.Circle(rhino3dm.Point3d(0, 0, 0), 1.0).ToNurbsCurve()
     model.Objects.AddCurve(circle, layer(model, "support", visible=False))
     drawing = read_rhino(saved(model, tmp_path / "marks.3dm"), DrawingBudget())
-    assert drawing.hidden == ("support",)
-    assert len(drawing.runs) == 1
+    assert [(name, hidden) for name, _, hidden in drawing.runs] == [("support", True)]
+
+
+def line_on(model, about):
+    model.Objects.AddCurve(rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0)), about)
+
+
+def test_a_hidden_3dm_layer_hides_no_support_on_a_layer_of_the_same_name(tmp_path):
+    model = rhino_model()
+    line_on(model, layer(model, "support", above=layer(model, "A").LayerIndex))
+    line_on(model, layer(model, "support", above=layer(model, "B", visible=False).LayerIndex))
+    path = saved(model, tmp_path / "marks.3dm")
+    assert len(marks_on_layers(path, ("support",), 1.0)["support"].curves) == 1
+
+
+def test_lines_in_a_hidden_block_are_no_supports(tmp_path):
+    document, path = dxf(tmp_path / "marks.dxf", "support", "frozen")
+    document.layers.get("frozen").freeze()
+    document.blocks.new("edge").add_line((0, 0), (1, 0), dxfattribs={"layer": "support"})
+    document.modelspace().add_blockref("edge", (0, 0), dxfattribs={"layer": "frozen"})
+    document.saveas(path)
+    model, line = rhino_model(), rhino3dm.LineCurve(rhino3dm.Point3d(0, 0, 0), rhino3dm.Point3d(1, 0, 0))
+    model.InstanceDefinitions.Add("edge", "", "", "", rhino3dm.Point3d(0, 0, 0), (line,), (layer(model, "support"),))
+    insertion = rhino3dm.InstanceReference(model.InstanceDefinitions[0].Id, rhino3dm.Transform(1.0))
+    model.Objects.Add(insertion, layer(model, "off", visible=False))
+    for file in (path, saved(model, tmp_path / "marks.3dm")):
+        assert marks_on_layers(file, ("support",), 1.0) == {}
+        with pytest.raises(SurfaceError, match="visible layers, has no curve"):
+            closed_curves(file, None, "m")
 
 
 def test_objects_on_many_hidden_layers_are_one_line(tmp_path):
@@ -191,12 +219,14 @@ def test_every_entity_of_a_dxf_file_is_accounted_for(tmp_path):
     count = sum(len(page) for page in document.layouts) + 2  # and the content of two insertions that are no hidden ones
     assert sum(thing.count for thing in record.content) == count
     assert content(path)["mesh", "taken"] == 2
+    assert record.read == (f"DXF: {2 * N + 3} vertices, {2 * M + 1} triangles",)
     assert content(path)["hidden object", "dropped"] == 5
     assert "3 hidden objects on layer 'off'" not in record.dropped
     assert "2 hidden objects on layer 'off'" in record.dropped
     assert "1 curve on layer 'supports'; did you mean layer support?" in record.dropped
     assert "1 SOLID object" in record.dropped
-    assert record.other_words == "1 point on layer 'load', 1 TEXT object, 1 object in paper space"
+    assert record.other_words == "1 TEXT object, 1 object in paper space"
+    assert record.mark_words == "1 point on layer 'load'"
     assert describe(path).area == pytest.approx(2 * AREA + 0.5)
 
 
@@ -218,7 +248,8 @@ def test_marks_on_a_hidden_dxf_layer_are_ignored_but_a_named_layer_is_read(tmp_p
     assert [*marks_on_layers(path, ("support", "void"), 1.0)] == ["void"]
     assert len(closed_curves(path, None, None)) == 1
     assert len(closed_curves(path, "support", None)) == 1
-    assert read_dxf(path, DrawingBudget()).hidden == ("support",)
+    hidden = {layer: hidden for layer, _, hidden in read_dxf(path, DrawingBudget()).runs}
+    assert hidden == {"support": True, "void": False}
 
 
 # ---- glTF ----
@@ -277,6 +308,15 @@ def test_hidden_and_unused_gltf_meshes_are_named(tmp_path):
     assert read_surface(path).area == pytest.approx(AREA)
 
 
+def test_a_gltf_file_without_a_scene_is_read_whole(tmp_path):
+    path = glb(tmp_path / "roof.glb", [{"children": [1]}, {"translation": [0, 5, 0]}])
+    file = pygltflib.GLTF2().load(str(path))
+    file.scene, file.scenes = None, []
+    file.save(str(path))
+    assert read_surface(path).area == pytest.approx(2 * AREA)
+    assert raw_mesh(path).record.remarks == ("read: the file names no scene: all its objects are taken",)
+
+
 @pytest.mark.parametrize("version", ["1.0", None])
 def test_gltf_1_is_named(version, tmp_path):
     tree = {"meshes": {"roof": {}}, "scenes": {}} | ({"asset": {"version": version}} if version else {})
@@ -313,7 +353,7 @@ def archive(path, text, **more):
 
 
 def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
-    """Objects, items, components, beams and aids of the print, as lib3mf counts them."""
+    """Meshes at their places, beams and aids of the print, as lib3mf counts them."""
     lib3mf = pytest.importorskip("lib3mf")
     beams = '<b:beamlattice radius="0.1" minlength="0.01"><b:beams><b:beam v1="0" v2="1"/></b:beams></b:beamlattice>'
     objects = [("", mesh_text()), ('type="support"', mesh_text()), ('type="other"', mesh_text())]
@@ -325,10 +365,9 @@ def test_every_object_of_a_3mf_file_is_accounted_for(tmp_path):
     theirs = lib3mf.get_wrapper().CreateModel()
     theirs.QueryReader("3mf").ReadFromFile(str(path))
     counts = content(path)
-    drawn = counts["object", "taken"] + counts["object", "dropped"]  # the components object draws the first again
-    assert drawn == theirs.GetMeshObjects().Count() + 1
-    assert counts["item", "taken"] == 5
-    assert counts["component", "taken"] == theirs.GetComponentsObjects().Count() == 1
+    assert counts["mesh", "taken"] == 2 + theirs.GetComponentsObjects().Count()  # the component draws the first again
+    assert counts["mesh", "taken"] - 1 + counts["object", "dropped"] == theirs.GetMeshObjects().Count()
+    assert record.surface_words == "3 meshes"
     assert counts["beam", "dropped"] == 1
     assert "1 object of the type 'support'" in record.dropped
     assert "1 object of the type 'other'" in record.dropped
@@ -396,10 +435,33 @@ def test_faces_of_plain_formats_are_counted_as_trimesh_counts_them(tmp_path):
         (scene if suffix == "obj" else whole).export(path, file_type=suffix)
         assert content(path)["face", "taken"] == len(whole.faces)
     assert content(tmp_path / "obj.obj")["group", "taken"] == len(scene.geometry)
-    assert content(tmp_path / "stl_ascii.stl")["solid", "taken"] == 1
+    assert raw_mesh(tmp_path / "stl_ascii.stl").record.surface_words == ""
+    twice = 2 * (tmp_path / "stl_ascii.stl").read_text()
+    assert content(written(tmp_path / "two.stl", twice))["part", "taken"] == 2
     text = (tmp_path / "obj.obj").read_text() + "l 1 2\nl 2 3\np 1\nf 1 2\n"
     counts = content(written(tmp_path / "more.obj", text))
     assert (counts["line", "dropped"], counts["point", "dropped"], counts["face", "dropped"]) == (2, 1, 1)
+
+
+def test_the_name_of_an_stl_solid_may_have_the_word_facet(tmp_path):
+    loop = "outer loop vertex 0 0 0 vertex 1 0 0 vertex 0 1 0 endloop endfacet"
+    for start in ("solid vault with facet pattern\nfacet normal 0 0 1", "solid a facet normal 0 0 1", "solid facet"):
+        path = written(tmp_path / "vault.stl", f"{start} {loop}\nendsolid vault with facet pattern\n")
+        assert read_surface(path).area == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize("count", [0, 1])
+def test_only_ply_elements_with_records_are_dropped(count, tmp_path):
+    axes = "".join(f"property float {axis}\n" for axis in "xyz")
+    head = f"ply\nformat ascii 1.0\nelement vertex 3\n{axes}element face 1\nproperty list uchar int vertex_indices\n"
+    head += f"element edge {count}\nproperty int vertex1\nend_header\n"
+    path = written(tmp_path / "roof.ply", head + "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n" + count * "0\n")
+    assert dropped(path) == count * "1 record of the element 'edge'"
+
+
+def test_only_obj_groups_with_faces_are_counted(tmp_path):
+    text = "g line\nv 0 0 0\nv 1 0 0\nv 0 1 0\nl 1 2\no roof\ng tiles\nf 1 2 3\ng\ng tiles\nf 2 1 3\n  g g\nf 3 1 2\n"
+    assert content(written(tmp_path / "roof.obj", text))["group", "taken"] == 2
 
 
 @pytest.mark.slow
@@ -508,3 +570,15 @@ def test_a_mirrored_roof_still_looks_up(tmp_path):
         raw = raw_mesh(path)
         a, b, c = (raw.V[raw.F[:, k]] for k in range(3))
         assert (np.cross(b - a, c - a)[:, 2] > 0).all(), path
+
+
+@pytest.mark.parametrize("inner", [1, -1])
+@pytest.mark.parametrize("outer", [1, -1])
+def test_a_roof_in_nested_dxf_blocks_looks_up(inner, outer, tmp_path):
+    document, path = dxf(tmp_path / "roof.dxf")
+    add_roof(document.blocks.new("roof"))
+    document.blocks.new("house").add_blockref("roof", (0, 0), dxfattribs={"xscale": inner})
+    document.modelspace().add_blockref("house", (0, 0), dxfattribs={"yscale": outer})
+    document.saveas(path)
+    assert (read_surface(path).normals[:, 2] > 0).all()
+    assert content(path).get(("mirrored block insertion", "taken"), 0) == [inner, outer].count(-1)

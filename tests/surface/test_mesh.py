@@ -197,7 +197,7 @@ def test_a_moebius_strip_cannot_be_oriented():
         ([[0, 1, 2], [0, 2, 3], [0, 2, 4]], 5, "1 edges have more than two faces (first: 0-2)"),
         ([[0, 1, 2], [0, 2, 3], [2, 0, 1]], 4, "1 faces repeat an earlier face (first: 2)"),
         ([[0, 1, 2], [0, 3, 2]], 4, "1 edges have faces of opposite sides (first: 0-2)"),
-        (BOW_TIE, 5, "1 vertices are pinches, where parts touch in a point (first: 2)"),
+        (BOW_TIE, 5, "parts touch in a point at 1 vertex (first: 2)"),
     ],
 )
 def test_each_fault_is_reported_with_its_count_and_place(F, n, says):

@@ -317,6 +317,9 @@ def test_a_file_of_round_numbers_near_the_origin_has_no_steps():
     for surface in (grid(8, 8, 8.0, 8.0), plate(edge=0.5)):
         assert number_steps(surface.V, surface.F) == (0.0, "")
         assert number_steps(surface.V + [2.6e6, 1.2e6, 0.1], surface.F) == (0.0, "")
+    whole = grid(8, 8, 8.0, 8.0)
+    assert number_steps(whole.V + [451230, 541230, 520], whole.F) == (0.0, "")
+    assert "32-bit numbers" in number_steps(whole.V + [451230, 541230 + 1 / 16, 520], whole.F)[1]
 
 
 def test_numbers_too_large_for_any_unit_are_refused_in_one_sentence(tmp_path):

@@ -427,7 +427,7 @@ def test_the_facts_of_a_refused_mesh_are_available(tmp_path):
 def test_facts_count_pinches_and_pieces(tmp_path):
     facts = describe(obj(tmp_path, TRIANGLE + "v -1 0 0\nv 0 -1 0\nf 1 2 3\nf 1 4 5\n"))
     assert (facts.pinches, facts.pieces, facts.boundary_loops) == (1, 2, 2)
-    assert "pinches" in facts.faults[0]
+    assert "parts touch in a point at 1 vertex" in facts.faults[0]
 
 
 REAL = {  # vertices, triangles, polygons, loops, genus: the table beside the meshes

@@ -173,6 +173,8 @@ def _file_decisions(raw: RawMesh, better: RawMesh, scan: bool, mesh: SurfaceInFi
     """Yield what a file holds besides plain faces, and what was dropped, mended and repaired."""
     if raw.record.surface_words:
         yield Decision("file", f"read: {raw.record.surface_words}")
+    if raw.record.mark_words:
+        yield Decision("file", f"marks: {raw.record.mark_words}")
     if raw.record.other_words:
         yield Decision("file", f"beside the surface: {raw.record.other_words}")
     yield from (Decision("file", remark) for remark in raw.record.remarks)

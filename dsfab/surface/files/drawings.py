@@ -46,18 +46,17 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
     """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit.
     Raises MalformedFileError for a file that is incomplete or not DXF, SurfaceError beyond the budget."""
     document = _document(path)
-    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _Entities(document, budget, hidden_layers=True)
-    for entity, layer, _ in drawing.leaves(document.modelspace(), 0):
+    for entity, layer, _, hidden in drawing.leaves(document.modelspace(), 0):
         for curve in _curves(entity):
             count += len(curve)
             budget.require("points", count)
-            runs.append((layer, curve))
+            runs.append((layer, curve, hidden))
         if entity.dxftype() == "POINT":
-            dots.append((layer, np.array([[*entity.dxf.location]])))
-    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in (*runs, *dots)})
-    hidden = tuple(name for name in layers if name.lower() in drawing.hidden)
-    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots), hidden)
+            dots.append((layer, np.array([[*entity.dxf.location]]), hidden))
+    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _, _ in (*runs, *dots)})
+    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots))
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
@@ -67,7 +66,7 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
     document = _document(path)
     V, corners, sizes, count = list[Floats](), list[Ints](), list[Ints](), 0
     drawing = _Entities(document, DrawingBudget(entities=budget.triangles, seconds=budget.seconds))
-    for entity, layer, mirrored in drawing.leaves(document.modelspace(), 0):
+    for entity, layer, mirrored, _ in drawing.leaves(document.modelspace(), 0):
         meshes = [*_polygons(entity)]
         drawing.counts[_content(entity, layer, bool(meshes))] += 1
         for mesh in meshes:
@@ -157,10 +156,10 @@ class _Entities:
         self.hidden_layers = hidden_layers
 
     def leaves(
-        self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False
-    ) -> Iterator[tuple[Any, str, bool]]:
-        """Yield each visible entity with its layer, and whether its block is mirrored. In blocks, the layer 0 is the
-        layer `outer` of the insertion."""
+        self, entities: Any, depth: int, outer: str = "0", mirrored: bool = False, hidden: bool = False
+    ) -> Iterator[tuple[Any, str, bool, bool]]:
+        """Yield each drawn entity with its layer, whether its block is mirrored, and whether its layer or the insertion
+        of its block is hidden. In blocks, the layer 0 is the layer `outer` of the insertion."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks are nested more than {self.budget.depth} deep")
         for entity in entities:
@@ -169,25 +168,27 @@ class _Entities:
             _require_numbers(entity)
             layer = outer if entity.dxf.layer == "0" else entity.dxf.layer
             is_block = entity.dxftype() == "INSERT"
-            is_hidden = layer.lower() in (self.frozen if is_block else self.hidden) and not self.hidden_layers
-            if is_hidden or entity.dxf.get("invisible", 0):
+            is_hidden = hidden or layer.lower() in (self.frozen if is_block else self.hidden)
+            if (is_hidden and not self.hidden_layers) or entity.dxf.get("invisible", 0):
                 self.counts[hidden_on(layer)] += 1
             elif is_block:
-                yield from self._block_entities(entity, depth, layer, mirrored)
+                yield from self._block_entities(entity, depth, layer, mirrored, is_hidden)
             else:
-                yield entity, layer, mirrored
+                yield entity, layer, mirrored, is_hidden
 
-    def _block_entities(self, insert: Any, depth: int, layer: str, mirrored: bool) -> Iterator[tuple[Any, str, bool]]:
+    def _block_entities(
+        self, insert: Any, depth: int, layer: str, mirrored: bool, hidden: bool
+    ) -> Iterator[tuple[Any, str, bool, bool]]:
         self.budget.require("entities", self.count + insert.mcount)
         block = insert.block()
         if block is None or block.block.is_xref:
             words = f"{insert.dxf.name!r}, whose content is elsewhere"
             self.counts[Content("external reference", "dropped", words)] += 1
             return
-        turned = insert.matrix44().determinant() < 0
-        self.counts[Content("mirrored block insertion" if turned else "block insertion")] += insert.mcount
+        turned = insert.matrix44().determinant() < 0  # also by outer blocks, which virtual_entities() applies
+        self.counts[Content("block insertion" if turned == mirrored else "mirrored block insertion")] += insert.mcount
         for copy in insert.multi_insert() if insert.mcount > 1 else (insert,):
-            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, mirrored != turned)
+            yield from self.leaves(copy.virtual_entities(), depth + 1, layer, turned, hidden)
 
 
 def _require_numbers(entity: Any) -> None:
@@ -281,16 +282,16 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """Return the content of the visible layers with these names (any case), by name, without empty layers.
+    """Return the visible content of the layers with these names (any case), by name, without empty layers.
     metres : length of the file's unit in metres. Raises SurfaceError for an unreadable file, as `closed_curves` does.
     """
     path = Path(path)
     drawing = _drawing(path, path.stat().st_size, DrawingBudget())
-    shown = {name.lower() for name in drawing.layers} - {name.lower() for name in drawing.hidden}
     marks = {}
-    for word in (word for word in words if word in shown):
-        points = [metres * place for layer, place in drawing.points if layer.lower() == word]
-        curves = [metres * run for layer, run in drawing.runs if layer.lower() == word and len(run) > 1]
+    for word in words:
+        points = [metres * place for layer, place, hidden in drawing.points if layer.lower() == word and not hidden]
+        runs = [metres * run for layer, run, hidden in drawing.runs if layer.lower() == word and not hidden]
+        curves = [run for run in runs if len(run) > 1]
         layer = next((name for name in drawing.layers if name.lower() == word), word)
         if points or curves:
             marks[word] = Marks(layer, np.concatenate(points) if points else np.empty((0, 3)), tuple(curves))
@@ -308,9 +309,10 @@ def _cached_curves(path: Path, layer: str | None, unit: str | None, _changed: in
         )
     if unit is None and drawing.unit is None:
         raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
-    hidden = drawing.hidden if layer is None else ()
-    where = f"{path}" + (f", layer {layer!r}," if layer is not None else ", visible layers," if hidden else "")
-    curves = [run for name, run in drawing.runs if layer in (None, name) and name not in hidden and len(run) > 1]
+    runs = [(run, layer is None and hidden) for name, run, hidden in drawing.runs if layer in (None, name)]
+    some_hidden = any(hidden for _, hidden in runs)
+    where = f"{path}" + (f", layer {layer!r}," if layer is not None else ", visible layers," if some_hidden else "")
+    curves = [run for run, hidden in runs if len(run) > 1 and not hidden]
     if not curves:
         raise SurfaceError(
             f"{where} has no curve; draw a closed polyline, circle, ellipse or spline, or closed lines and arcs"

@@ -209,6 +209,7 @@ def _scene(
     except (KeyError, TypeError, AttributeError, IndexError):
         raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
     V, F = equal_merged(V, F) if len(F) else (V, F)
+    doubts = doubts if tree.get("scenes") else (*doubts, "the file names no scene: all its objects are taken")
     return TriangleFile(upright_vertices(V, "y"), F, "m", doubts, dropped, contents(scene.counts))
 
 
@@ -243,9 +244,10 @@ class _Scene:
 
     def _placed_meshes(self) -> Iterator[tuple[int, Floats]]:
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
-        if not scenes:
-            raise MalformedFileError("it names no scene, so its visible objects are unknown")
-        waiting = [(k, np.eye(4), 1, True) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
+        inner = {child for node in nodes for child in node.get("children", [])}
+        roots = [k for k in range(len(nodes)) if k not in inner]
+        shown_nodes = scenes[self.tree.get("scene", 0)].get("nodes", []) if scenes else roots
+        waiting = [(k, np.eye(4), 1, True) for k in reversed(shown_nodes)]
         seen = set[int]()
         while waiting:
             number, above, depth, shown = waiting.pop()

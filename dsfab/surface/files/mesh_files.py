@@ -150,7 +150,7 @@ def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
 
 
 def _from_triangles(mesh: TriangleFile, suffix: str) -> RawMesh:
-    record = _record(suffix, mesh, len(mesh.V), len(mesh.F))
+    record = _record(suffix, mesh, len(mesh.V), count_phrase(len(mesh.F), "triangle"))
     return RawMesh(mesh.V, mesh.F, len(mesh.F), mesh.unit, record)
 
 
@@ -170,12 +170,13 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
             *repaired,
             f"{count_phrase(crossing, 'face')} that cross themselves cut as fans (first, counted from 0: {face_list})",
         )
-    record = _record(suffix, replace(file, content=content), len(file.mesh.V), len(file.mesh.sizes)).also(repaired)
+    face_count = count_phrase(len(file.mesh.sizes), "face")
+    record = _record(suffix, replace(file, content=content), len(file.mesh.V), face_count).also(repaired)
     return RawMesh(joined_file.mesh.V, cut.F, len(file.mesh.sizes), file.unit, record, file.up)
 
 
-def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:
-    what = f"{suffix[1:].upper()}: {count_phrase(vertices, 'vertex')}, {count_phrase(faces, 'face')}"
+def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: str) -> FileRecord:
+    what = f"{suffix[1:].upper()}: {count_phrase(vertices, 'vertex')}, {faces}"
     dropped = (*file.dropped, *(thing.text for thing in file.content if thing.fate == "dropped"))
     return FileRecord((what, *file.doubts), (), dropped, file.content)
 

@@ -26,7 +26,7 @@ from dsfab.surface.files.reading import (
 _IGNORED_SHAPES = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
 """First words of lines with shapes that dsfab does not read, and the names of these shapes."""
 _IGNORED_WORDS = frozenset(
-    "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
+    "vt vn vp s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
 """First words of lines that do not change polygons, or that belong to free-form curves and surfaces."""
@@ -48,6 +48,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         file = TextFile(_join_lines(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     ignored: Counter[str] = Counter()
+    groups, group = set[str](), ""  # names of groups with faces, and a name that waits for its first face
     odd, last_words = "", [""]
     for number, line in file.numbered_lines(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
@@ -62,6 +63,11 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
                 _add_vertex(V, words, line)
             elif word == "f":
                 _add_face(corners, sizes, words, len(V) // 3)
+                if group:
+                    groups.add(group)
+                    group = ""
+            elif word in ("g", "o"):
+                group = " ".join(words[1:])
             elif word not in _IGNORED_WORDS:
                 ignored[word] += 1
                 if not odd and word not in _IGNORED_SHAPES:
@@ -74,7 +80,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     doubts = file.cut_off("a vertex") if last_words[0] == "v" else ()
     if last_words[0] == "f" and not file.ended and _may_be_cut(last_words[1:], max(sizes), len(V) // 3, file.text):
         doubts = file.cut_off("a face")
-    inventory = Counter({Content("group"): sum(f"\n{file.text}".count(f"\n{word} ") for word in "og")})
+    inventory = Counter({Content("group"): len(groups)})
     for shape, kind in _IGNORED_SHAPES.items():
         inventory[Content(kind, "dropped")] += ignored[shape]
     odd_lines = sum(count for word, count in ignored.items() if word not in _IGNORED_SHAPES)

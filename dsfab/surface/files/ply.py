@@ -262,7 +262,7 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     passed = tuple(
         Content("record", "dropped", f"of the element {e.name!r}", e.count)
         for e in elements
-        if e.name not in ("vertex", "face")
+        if e.name not in ("vertex", "face") and e.count
     )
     if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
         doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")

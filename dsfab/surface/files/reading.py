@@ -102,12 +102,12 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
 class Content:
     """Things of one kind in a file, and what became of them.
     kind  : "mesh", "curve", "hidden object" ...    about : words after the kind, such as a layer or a reason.
-    fate  : "taken" into the surface; "beside" it, because it is no surface, such as a curve; or "dropped", although the
-            user may miss it.
+    fate  : "taken" into the surface; "marks" of supports, loads and regions; "beside" the surface, because it is none,
+            such as a curve; or "dropped", although the user may miss it.
     count : number of these things."""
 
     kind: str
-    fate: Literal["taken", "beside", "dropped"] = "taken"
+    fate: Literal["taken", "marks", "beside", "dropped"] = "taken"
     about: str = ""
     count: int = 1
 
@@ -136,7 +136,7 @@ def mark(kind: str, layer: str) -> Content:
     """Return the entry of a point or curve; the layer matters if it is one of `MARK_LAYERS`, or nearly so."""
     word = layer.lower()
     if word in MARK_LAYERS:
-        return Content(kind, "beside", f"on layer {layer!r}")
+        return Content(kind, "marks" if kind in ("curve", "point") else "beside", f"on layer {layer!r}")
     match = next((name for name, words in _OTHER_NAMES.items() if word in words), "")
     match = match or "".join(difflib.get_close_matches(word, MARK_LAYERS, 1, 0.8))
     if match and kind in ("curve", "point"):
@@ -181,8 +181,13 @@ class FileRecord:
         return ", ".join(thing.text for thing in things) if {thing.kind for thing in things} - {"face"} else ""
 
     @property
+    def mark_words(self) -> str:
+        """Words for supports, loads and regions: '2 curves on layer 'support'."""
+        return ", ".join(thing.text for thing in self.content if thing.fate == "marks")
+
+    @property
     def other_words(self) -> str:
-        """Words for the content that is no surface: '3 curves, 2 points'."""
+        """Words for the content that is neither surface nor mark: '3 curves, 2 points'."""
         return ", ".join(thing.text for thing in self.content if thing.fate == "beside")
 
     @property
@@ -367,6 +372,7 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
     tens = 10.0 ** (np.floor(np.log10(np.maximum(np.abs(P), 1e-300))) + 1 - DIGITS)
     if (P.astype(np.float32) == P).all():
         step, why = np.spacing(largest.astype(np.float32)).astype(np.float64), "32-bit numbers"
+        step *= (P % (2 * step)).any(axis=0)  # other numbers, such as whole metres, may be exact
     elif (np.abs(P / tens - np.rint(P / tens)) < 1e-6).all():
         step, why = tens.max(axis=0), f"{DIGITS} digits"
     else:
@@ -383,15 +389,14 @@ def number_steps(V: Floats, F: Ints, unit: str | None = None) -> tuple[float, st
 @dataclass(frozen=True, eq=False)
 class Drawing:
     """Content of a drawing, in its unit.
-    runs : layer and points (k, 3) of each curve.    layers : names of all layers.    unit : None if the file has no
-           unit that dsfab knows.
-    points : layer and place (1, 3) of each single point.    hidden : names of the layers that the file hides."""
+    runs   : layer and points (k, 3) of each curve, and whether the file hides it.
+    layers : names of all layers.    unit : None if the file has no unit that dsfab knows.
+    points : layer and place (1, 3) of each single point, and whether the file hides it."""
 
-    runs: tuple[tuple[str, Floats], ...]
+    runs: tuple[tuple[str, Floats, bool], ...]
     layers: tuple[str, ...]
     unit: str | None
-    points: tuple[tuple[str, Floats], ...] = ()
-    hidden: tuple[str, ...] = ()
+    points: tuple[tuple[str, Floats, bool], ...] = ()
 
 
 @dataclass(frozen=True)

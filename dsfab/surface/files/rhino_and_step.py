@@ -44,17 +44,18 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     import rhino3dm
 
     model = _model(path)
-    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    runs, dots, count = list[tuple[str, Floats, bool]](), list[tuple[str, Floats, bool]](), 0
     drawing = _DrawnObjects(model, budget, hidden_layers=True)
-    for layer, thing, place in drawing.all():
+    for layer, thing, place, hidden in drawing.all():
         if isinstance(thing, rhino3dm.Curve):
-            runs.append((layer, _transformed(_points(thing), place)))
+            runs.append((layer, _transformed(_points(thing), place), hidden))
             count += len(runs[-1][1])
             budget.require("points", count)
         elif isinstance(thing, rhino3dm.Point):
-            dots.append((layer, _transformed(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
-    layers, hidden = tuple(sorted(layer.Name for layer in model.Layers)), tuple(drawing.hidden)
-    return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots), hidden)
+            location = np.array([[getattr(thing.Location, axis) for axis in "XYZ"]])
+            dots.append((layer, _transformed(location, place), hidden))
+    layers = tuple(sorted(layer.Name for layer in model.Layers))
+    return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots))
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
@@ -64,7 +65,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
     Raises SurfaceError for a file whose surfaces have no saved meshes, and as `read_rhino` does."""
     model = _model(path)
     drawing, parts, bare = _DrawnObjects(model, budget), list[tuple[Floats, Ints]](), 0
-    for layer, thing, place in drawing.all():
+    for layer, thing, place, _ in drawing.all():
         meshes, name = _meshes(thing), type(thing).__name__
         bare += meshes is None
         if meshes:
@@ -137,30 +138,32 @@ def _model(path: Path) -> Any:
 class _DrawnObjects:
     """Iterator over the visible objects of a 3DM file; it also counts them. A file lists the content of a block among
     all objects. The iterator draws it at each insertion of the block, moved by the insertion's matrix.
-    hidden : names of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects, too.
+    hidden : numbers of the hidden layers, and of layers within them.    hidden_layers : true to draw their objects.
     counts : counted insertions and hidden objects."""
 
     def __init__(self, model: Any, budget: DrawingBudget, hidden_layers: bool = False) -> None:
         self.model, self.budget, self.count = model, budget, 0
         self.layers = {layer.Index: layer.Name for layer in model.Layers}
         above = {str(layer.Id): layer for layer in model.Layers}
-        self.hidden, self.skipped = list[str](), set[int]()
+        self.hidden, self.hidden_layers = set[int](), hidden_layers
         for layer in model.Layers:
             outer: Any = layer
             while outer is not None and outer.Visible:
                 outer = above.get(str(outer.ParentLayerId))
             if outer is not None:
-                self.hidden.append(layer.Name)
-                self.skipped |= set() if hidden_layers else {layer.Index}
+                self.hidden.add(layer.Index)
         self.counts = Counter[Content]()
 
-    def all(self) -> Iterator[tuple[str, Any, Floats]]:
-        """Yield layer, geometry and matrix (4, 4) of each visible object outside the definitions of blocks."""
+    def all(self) -> Iterator[tuple[str, Any, Floats, bool]]:
+        """Yield layer, geometry and matrix (4, 4) of each drawn object outside the definitions of blocks, and whether
+        its layer or the insertion of its block is hidden."""
         self.budget.require("entities", len(self.model.Objects))
         objects = (thing for thing in self.model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return self.objects(objects, np.eye(4), 0)
 
-    def objects(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
+    def objects(
+        self, things: Iterable[Any], place: Floats, depth: int, hidden: bool = False
+    ) -> Iterator[tuple[str, Any, Floats, bool]]:
         import rhino3dm
 
         if depth > self.budget.depth:
@@ -169,15 +172,17 @@ class _DrawnObjects:
             self.count += 1
             self.budget.require("entities", self.count)
             layer = self.layers.get(thing.Attributes.LayerIndex, "")
-            if not thing.Attributes.Visible or thing.Attributes.LayerIndex in self.skipped:
+            is_hidden = hidden or thing.Attributes.LayerIndex in self.hidden
+            if not thing.Attributes.Visible or (is_hidden and not self.hidden_layers):
                 self.counts[hidden_on(layer)] += 1
             elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 matrix = _matrix(thing.Geometry.Xform)
                 mirrored = np.linalg.det(matrix[:3, :3]) < 0
                 self.counts[Content("mirrored block insertion" if mirrored else "block insertion")] += 1
-                yield from self.objects(self._block_objects(thing.Geometry.ParentIdefId), place @ matrix, depth + 1)
+                inside = self._block_objects(thing.Geometry.ParentIdefId)
+                yield from self.objects(inside, place @ matrix, depth + 1, is_hidden)
             else:
-                yield layer, thing.Geometry, place
+                yield layer, thing.Geometry, place, is_hidden
 
     def _block_objects(self, number: Any) -> list[Any]:
         """Return the content of a block; raises MalformedFileError if the file lacks it, for example a linked block."""

@@ -37,10 +37,10 @@ def read_rhino_in_process(path: Path, budget: DrawingBudget) -> Drawing:
         raise
     _raise_refusal(answer)
     runs, points = (
-        tuple((layer, np.array(rows, dtype=float).reshape(-1, 3)) for layer, rows in answer[key])
+        tuple((layer, np.array(rows, dtype=float).reshape(-1, 3), hidden) for layer, rows, hidden in answer[key])
         for key in ("runs", "points")
     )
-    return Drawing(runs, tuple(answer["layers"]), answer["unit"], points, tuple(answer["hidden"]))
+    return Drawing(runs, tuple(answer["layers"]), answer["unit"], points)
 
 
 def read_3dm(path: Path, budget: Budget) -> TriangleFile:
@@ -108,9 +108,10 @@ def _drawing(path: Path) -> dict[str, Any]:
         return {"refused": str(error)}
     except MalformedFileError as error:
         return {"malformed": str(error)}
-    runs, points = ([(layer, rows.tolist()) for layer, rows in curves] for curves in (drawing.runs, drawing.points))
-    words = {"layers": drawing.layers, "unit": drawing.unit, "hidden": drawing.hidden}
-    return {"runs": runs, "points": points, **words}
+    runs, points = (
+        [(layer, rows.tolist(), hidden) for layer, rows, hidden in curves] for curves in (drawing.runs, drawing.points)
+    )
+    return {"runs": runs, "points": points, "layers": drawing.layers, "unit": drawing.unit}
 
 
 def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:

@@ -37,7 +37,7 @@ _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
     rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)", re.IGNORECASE
 )
-_BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
+_BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s+(?:normal|outer)\b|\Z)", re.IGNORECASE)
 _SOLID = re.compile(r"^\s*solid\b", re.IGNORECASE | re.MULTILINE)
 CHUNK = 1 << 14  # Triangles of a text file between two checks of the time.
 
@@ -88,8 +88,9 @@ def _read_text(data: bytes, budget: Budget) -> TriangleFile:
     budget.require_triangles(len(numbers) // 9)
     doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
     V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
-    solids = Content("solid", count=len(_SOLID.findall(text)))
-    return TriangleFile(V, F, doubts=doubts, content=(Content("face", count=len(numbers) // 9), solids))
+    parts = len(_SOLID.findall(text))  # STL calls them solids, but they may be open
+    counts = Counter({Content("face"): len(numbers) // 9, Content("part"): parts if parts > 1 else 0})
+    return TriangleFile(V, F, doubts=doubts, content=contents(counts))
 
 
 def _line_number(text: str, position: int) -> int:
@@ -175,14 +176,12 @@ class _Plate:
             self.open = self.objects[self.part, values["id"]] = _Object(values.get("type", "model"))
         elif kind == "component":
             self.open.parts.append((self._key(values), _place(values)))
-            self.counts[Content("component")] += 1
         elif kind == "item" and self.part == self.root:
             if values.get("printable", "1") == "0":
                 self.counts[Content("item", "dropped", "that its slicer does not print")] += 1
                 self.unprinted.append(self._key(values))
             else:
                 self.items.append((self._key(values), _place(values)))
-                self.counts[Content("item")] += 1
         elif kind == "model":
             self._model(values)
 
@@ -223,7 +222,7 @@ class _Plate:
                 self.counts[_AID] += 1
             if len(F):
                 mirrored = np.linalg.det(place[:3, :3]) < 0
-                self.counts[Content("mirrored object" if mirrored else "object")] += 1
+                self.counts[Content("mirrored mesh" if mirrored else "mesh")] += 1
             yield mesh_at(V, F[is_model], place)
         for part, inner in thing.parts:
             if (key[1], part[1]) in self.aids:
