@@ -82,7 +82,8 @@ class ThicknessStiffness:
         """Return A, B and the springs between the vectors of a basis (u, b): (3, b, b)."""
         corners = basis[: self.load.spring.size]
         springs = corners.T @ (self.load.spring.ravel()[:, None] * corners)
-        return np.array([basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs])
+        parts = basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs
+        return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
         """Return independent vectors (u, b) with the span of `vectors` (u, c), orthonormal in K(thickness): so the
@@ -101,6 +102,12 @@ class ThicknessStiffness:
                 columns[:, count], images[:, count] = x / np.sqrt(energy), image / np.sqrt(energy)
                 count += 1
         return columns[:, :count]
+
+
+def _without_negative_eigenvalues(part: Floats) -> Floats:
+    """Return a part (b, b) of a stiffness without its negative eigenvalues, which are rounding beside needles."""
+    values, vectors = np.linalg.eigh((part + part.T) / 2)
+    return np.asarray((vectors * values.clip(min=0)) @ vectors.T)
 
 
 def _independent_columns(columns: Floats) -> Floats:
