@@ -103,6 +103,14 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
     return cross(b - a, c - a)
 
 
+def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
+    """Return the vertices (n, 3) and faces (m, 3) of several meshes as one mesh; vertices stay apart."""
+    starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
+    V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
+    faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
+    return V, np.concatenate([np.empty((0, 3), dtype=np.int64), *faces])
+
+
 def unit_vectors(x: Floats) -> Floats:
     """Scale vectors x (..., 3) to length 1 and return them; zero vectors stay zero."""
     return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, area_vectors, unit_vectors
+from dsfab.core.arrays import Floats, Ints, area_vectors, concatenated_mesh, unit_vectors
 from dsfab.core.errors import DsfabError
 from dsfab.core.messages import length
 from dsfab.render.colouring import Colouring, with_bar
@@ -14,7 +14,7 @@ from dsfab.render.drawing import PERSON_HEIGHT, Stage, legend, page_view, person
 from dsfab.render.fabrication import Callout, with_callouts
 from dsfab.render.lettering import Legend, Palette, with_legend
 from dsfab.render.light import LightQuality
-from dsfab.render.marks import PENCIL_LENGTH, joint_mesh, pencil, place_beside
+from dsfab.render.marks import PENCIL_LENGTH, pencil, place_beside
 from dsfab.render.picture import Look, StructurePicture
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.surroundings import building_supports, ground_level, support_part
@@ -80,7 +80,7 @@ class ClientPicture:
         level = ground_level(surface, supports, up, self.half)
         bodies = [Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)]
         if parts := [support_part(surface, support, self.half, level) for support in supports]:
-            mesh = joint_mesh(parts)
+            mesh = concatenated_mesh(parts)
             facing = np.repeat(unit_vectors(area_vectors(*mesh))[:, None], 3, axis=1).astype(np.float32)
             bodies.append(Body(*mesh, palette.colour_bytes("masonry"), casts=True, normals=facing))
         V = np.concatenate([body.V for body in bodies])

@@ -1,13 +1,12 @@
 """Marks beside a structure: load arrows, support cones, principal directions, and a tree for scale."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, concatenated_mesh, group_sums, unit_vectors
 from dsfab.core.errors import DsfabError
 from dsfab.render.lettering import Palette
 from dsfab.render.scene import Body
@@ -205,7 +204,7 @@ def tree(foot: Floats, up: Floats, height: float) -> MarkMesh:
     around = enumerate(np.linspace(0, np.pi, 9))
     ball = _body_of_revolution([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in around])
     crown = _placed_copies(ball, foot + balls[:, :3] @ frame, np.tile(up, (len(balls), 1)), height * balls[:, 3])
-    return joint_mesh([trunk, crown])
+    return concatenated_mesh([trunk, crown])
 
 
 def place_beside(V: Floats, side: ViewSide, up: Floats, level: float, which: float = 1.0) -> tuple[Floats, Floats]:
@@ -229,13 +228,6 @@ def pencil(foot: Floats, right: Floats, up: Floats) -> MarkMesh:
     front = np.cross(right, up)
     along, foot = 0.28 * right - 0.96 * front, foot + 0.4 * PENCIL_LENGTH * front
     return _placed_copies(wood, (foot + PENCIL_WIDTH / 2 * up)[None], along[None], np.array([PENCIL_LENGTH]))
-
-
-def joint_mesh(meshes: Sequence[MarkMesh]) -> MarkMesh:
-    """Return several meshes, at least one, as one mesh."""
-    starts = np.cumsum([0, *(len(vertices) for vertices, _ in meshes)])
-    faces = [faces + start for (_, faces), start in zip(meshes, starts[:-1], strict=True)]
-    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
 def _placed_copies(template: MarkMesh, start: Floats, along: Floats, long: Floats) -> MarkMesh:

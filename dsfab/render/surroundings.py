@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from dsfab.core.arrays import Bools, Floats, Ints, group_sums, unit_vectors
+from dsfab.core.arrays import Bools, Floats, Ints, concatenated_mesh, group_sums, unit_vectors
 from dsfab.render.light import frame_towards
-from dsfab.render.marks import MarkMesh, Spacing, joint_mesh, support_side, thin_points
+from dsfab.render.marks import MarkMesh, Spacing, support_side, thin_points
 from dsfab.surface import LoadCase, Surface, link_components
 
 PartKind = Literal["column", "wall", "hanger", "abutment"]
@@ -130,7 +130,7 @@ def support_part(surface: Surface, support: SupportPart, half: float, ground: fl
     if support.kind == "abutment" or end - deepest < TALL:
         return _prisms(V, edges, along, begin, end, width)
     beam = _prisms(V, edges, along, begin, begin + 2 * width, width)
-    return joint_mesh(
+    return concatenated_mesh(
         [beam, _prisms(V, _spaced_vertices(V, np.unique(edges), COLUMNS * size), along, begin + width, end, width)]
     )
 
@@ -159,4 +159,4 @@ def _prisms(
         sides = [(low, high, high + count), (low, high + count, low + count)]
         caps = [(0 * fan, fan + 1, fan), (0 * fan + count, fan + count, fan + count + 1)]
         meshes.append((corners, np.concatenate([np.stack(face, axis=1) for face in (*sides, *caps)])))
-    return joint_mesh(meshes)
+    return concatenated_mesh(meshes)

@@ -6,7 +6,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.export import MemberShape
 from dsfab.members import MemberGraph
 from dsfab.surface import signed_volume
@@ -165,7 +165,7 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
     result = []
     for shape in shapes:
         if shape.id in strips:
-            V, F = _merged_mesh([strip_body(strip, plan.thickness) for strip in strips[shape.id]])
+            V, F = concatenated_mesh([strip_body(strip, plan.thickness) for strip in strips[shape.id]])
             result.append(replace(shape, V=V, F=F, plate=False))
         elif shape.id in built:
             layering, part_layer = plan.layering, next(part.layer for part in plan.parts if part.member == shape.id)
@@ -182,7 +182,7 @@ def _bar_shapes(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tup
     result = []
     for shape in shapes:
         if shape.id in bodies:
-            V, F = _merged_mesh(bodies[shape.id])
+            V, F = concatenated_mesh(bodies[shape.id])
             result.append(replace(shape, V=V, F=F, plate=False))
         elif shape.id in discs:
             result.append(replace(shape, V=_moved_skins(shape.V, plan.stock.bar, discs[shape.id], shift), plate=True))
@@ -202,12 +202,6 @@ def strip_body(strip: RefoldedStrip, thickness: float) -> tuple[Floats, Ints]:
     quads = np.concatenate([quads, ends])
     F = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
     return V, F if signed_volume(V, F) > 0 else F[:, ::-1]
-
-
-def _merged_mesh(bodies: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    starts = np.cumsum([0, *(len(V) for V, _ in bodies)])
-    faces = [F + start for (_, F), start in zip(bodies, starts, strict=False)]
-    return np.concatenate([V for V, _ in bodies]), np.concatenate(faces)
 
 
 def _moved_skins(V: Floats, thickness: float, height: float, shift: int) -> Floats:

@@ -13,7 +13,7 @@ from urllib.parse import unquote
 import numpy as np
 from numpy.typing import NDArray
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.core.messages import count_phrase
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import (
@@ -21,9 +21,9 @@ from dsfab.surface.files.reading import (
     Content,
     MalformedFileError,
     TriangleFile,
-    concatenated_mesh,
     contents,
     hidden_on,
+    is_mirrored,
     mesh_at,
     text_file,
 )
@@ -264,7 +264,7 @@ class _Scene:
                 self.used.add(node["mesh"])
                 self.counts[hidden_on("")] += 1
             elif "mesh" in node:
-                self.counts[Content("mirrored mesh" if np.linalg.det(matrix[:3, :3]) < 0 else "mesh")] += 1
+                self.counts[Content("mirrored mesh" if is_mirrored(matrix) else "mesh")] += 1
                 instances = self._instances(extensions.get("EXT_mesh_gpu_instancing", {}).get("attributes", {}))
                 yield from ((node["mesh"], matrix @ place) for place in instances)
             waiting.extend((child, matrix, depth + 1, shown) for child in reversed(node.get("children", [])))

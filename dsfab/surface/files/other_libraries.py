@@ -10,13 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.core.errors import SurfaceError
 from dsfab.core.units import metres_per
 from dsfab.surface.clean.seams import equal_merged, merged_vertices
 from dsfab.surface.files.polygons import Polygons, polygons, triangles
 from dsfab.surface.files.reader import oriented_surface
-from dsfab.surface.files.reading import concatenated_mesh
 from dsfab.surface.mesh import Surface
 
 if TYPE_CHECKING:

@@ -144,8 +144,9 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
             f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
             "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
         )
-    points = pinches(F, edges, int(F.max()) + 1)
-    inside = points[~on_boundary(edges, int(F.max()) + 1)[points]]
+    n = int(F.max()) + 1
+    points = pinches(F, edges, n)
+    inside = points[~on_boundary(edges, n)[points]]
     if len(inside):
         raise SurfaceError(
             f"parts touch in a point inside the surface (first: vertex {inside[0]}); join them along edges, or move "

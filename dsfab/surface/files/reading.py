@@ -7,7 +7,7 @@ import re
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -235,18 +235,19 @@ def declared_unit(word: str) -> str | None:
     return None if lower in ("none", "unset", "unitless") else UNIT_WORDS.get(lower, lower)
 
 
-def concatenated_mesh(parts: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
-    """Return the vertices (n, 3) and faces (m, 3) of several meshes as one mesh; vertices stay apart."""
-    starts = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
-    V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
-    faces = [F + start for (_, F), start in zip(parts, starts, strict=True)]
-    return V, np.concatenate([np.empty((0, 3), dtype=np.int64), *faces])
+def is_mirrored(place: Floats) -> bool:
+    """Return True for a transformation (4, 4) that turns a mesh inside out."""
+    return bool(np.linalg.det(place[:3, :3]) < 0)
+
+
+def placed_points(points: Floats, place: Floats) -> Floats:
+    """Return points (n, 3) after a transformation (4, 4)."""
+    return np.asarray(points @ place[:3, :3].T + place[:3, 3]) if (place != np.eye(4)).any() else points
 
 
 def mesh_at(V: Floats, F: Ints, place: Floats) -> tuple[Floats, Ints]:
     """Return a mesh after a transformation (4, 4); a mirrored mesh has its faces turned, as glTF and 3MF demand."""
-    turned = F[:, ::-1] if np.linalg.det(place[:3, :3]) < 0 else F
-    return (V @ place[:3, :3].T + place[:3, 3] if (place != np.eye(4)).any() else V), turned
+    return placed_points(V, place), F[:, ::-1] if is_mirrored(place) else F
 
 
 _MARKS = (

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.core.errors import SurfaceError
 from dsfab.core.messages import count_phrase
 from dsfab.surface.files.polygons import Polygons, triangles
@@ -19,13 +19,14 @@ from dsfab.surface.files.reading import (
     DrawingBudget,
     MalformedFileError,
     TriangleFile,
-    concatenated_mesh,
     contents,
     curve_points,
     declared_unit,
     hidden_on,
+    is_mirrored,
     mark,
     mesh_at,
+    placed_points,
 )
 
 _KINDS = {
@@ -48,12 +49,12 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
     drawing = _DrawnObjects(model, budget, hidden_layers=True)
     for layer, thing, place, hidden in drawing.all():
         if isinstance(thing, rhino3dm.Curve):
-            runs.append((layer, _transformed(_points(thing), place), hidden))
+            runs.append((layer, placed_points(_points(thing), place), hidden))
             count += len(runs[-1][1])
             budget.require("points", count)
         elif isinstance(thing, rhino3dm.Point):
             location = np.array([[getattr(thing.Location, axis) for axis in "XYZ"]])
-            dots.append((layer, _transformed(location, place), hidden))
+            dots.append((layer, placed_points(location, place), hidden))
     layers = tuple(sorted(layer.Name for layer in model.Layers))
     return Drawing(tuple(runs), layers, declared_unit(model.Settings.ModelUnitSystem.name), tuple(dots))
 
@@ -177,8 +178,7 @@ class _DrawnObjects:
                 self.counts[hidden_on(layer)] += 1
             elif isinstance(thing.Geometry, rhino3dm.InstanceReference):
                 matrix = _matrix(thing.Geometry.Xform)
-                mirrored = np.linalg.det(matrix[:3, :3]) < 0
-                self.counts[Content("mirrored block insertion" if mirrored else "block insertion")] += 1
+                self.counts[Content("mirrored block insertion" if is_mirrored(matrix) else "block insertion")] += 1
                 inside = self._block_objects(thing.Geometry.ParentIdefId)
                 yield from self.objects(inside, place @ matrix, depth + 1, is_hidden)
             else:
@@ -192,10 +192,6 @@ class _DrawnObjects:
             name = f"the block {block.Name!r}" if block else "a block"
             raise MalformedFileError(f"the file inserts {name} but lacks its content; explode or embed it in Rhino")
         return inside
-
-
-def _transformed(points: Floats, place: Floats) -> Floats:
-    return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
 def _matrix(moved: Any) -> Floats:

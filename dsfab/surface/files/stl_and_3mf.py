@@ -14,7 +14,7 @@ from xml.parsers import expat
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints
+from dsfab.core.arrays import Floats, Ints, concatenated_mesh
 from dsfab.core.messages import count_phrase
 from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import (
@@ -22,10 +22,10 @@ from dsfab.surface.files.reading import (
     Content,
     MalformedFileError,
     TriangleFile,
-    concatenated_mesh,
     contents,
     declared_unit,
     float_of,
+    is_mirrored,
     mesh_at,
     text_file,
     whole_number,
@@ -221,8 +221,7 @@ class _Plate:
                 is_model[start : end + 1] = False
                 self.counts[_AID] += 1
             if len(F):
-                mirrored = np.linalg.det(place[:3, :3]) < 0
-                self.counts[Content("mirrored mesh" if mirrored else "mesh")] += 1
+                self.counts[Content("mirrored mesh" if is_mirrored(place) else "mesh")] += 1
             yield mesh_at(V, F[is_model], place)
         for part, inner in thing.parts:
             if (key[1], part[1]) in self.aids:
