@@ -10,7 +10,6 @@ from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 
-from dsfab.app.carrier import pickled
 from dsfab.design import Design
 from dsfab.preset.file import load_preset
 from dsfab.preset.model import Preset
@@ -80,6 +79,6 @@ def sliced(preset: Preset) -> Design:
     if not path.exists():
         made = Design.from_preset(preset).until("slicing")
         partial = path.with_suffix(f".{os.getpid()}")
-        partial.write_bytes(pickled(made))
+        partial.write_bytes(pickle.dumps(made, protocol=5))
         partial.replace(path)
     return replace(pickle.loads(path.read_bytes()), preset=preset)

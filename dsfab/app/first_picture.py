@@ -2,6 +2,7 @@
 
 The process loads the drawing libraries during the computation; this module imports no drawing library."""
 
+import pickle
 import subprocess
 import sys
 import threading
@@ -68,8 +69,6 @@ class FirstPicture:
         """Start to draw the sketch, unless `path` is a file that cannot be read; later calls do nothing.
         sketch  : see `Design.sketch`.
         options : options of `dsfab.render.previewer.Previewer`."""
-        from dsfab.app.carrier import pickled
-
         if self._sketched:
             return
         self._path = path
@@ -79,7 +78,7 @@ class FirstPicture:
             except OSError:
                 return
         self._sketched = True
-        self._start_request(pickled((sketch, path, pixels, options)), self._told)
+        self._start_request(pickle.dumps((sketch, path, pixels, options), protocol=5), self._told)
 
     def finish(self) -> str | None:
         """Wait for the sketch; return the kind of window in which the process draws, or None if it cannot draw."""
@@ -90,8 +89,6 @@ class FirstPicture:
 
     def draw_structure(self, structure_picture: object, path: Path) -> bool:
         """Draw a `StructurePicture` into a file; return False after a failure, so that the caller draws it."""
-        import pickle
-
         successes: list[bool] = []
         if self.finish() is not None:
             self._start_request(pickle.dumps((structure_picture, path), protocol=5), lambda: successes.append(True))

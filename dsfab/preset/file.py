@@ -1,9 +1,11 @@
 """Presets as TOML files: dsfab finds, reads, overrides and writes them, and reports each mistake in one sentence."""
 
+import copyreg
 import re
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import tomli_w
@@ -100,6 +102,20 @@ def preset_toml(preset: Preset, for_people: bool = False) -> str:
     # keys of the shape come before supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in SurfaceSection.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
+
+
+def preset_from_toml(text: str) -> Preset:
+    """Return the preset of a text of `preset_toml`."""
+    return preset_from(toml_table(text))
+
+
+def _read_only(values: dict[Any, Any]) -> Mapping[Any, Any]:
+    return MappingProxyType(values)
+
+
+# pickle alone finds neither the classes that dsfab makes at import nor the type of a read-only mapping
+copyreg.pickle(Preset, lambda preset: (preset_from_toml, (preset_toml(preset),)))
+copyreg.pickle(MappingProxyType, lambda mapping: (_read_only, (dict(mapping),)))
 
 
 def _short_lists(text: str) -> str:

@@ -99,7 +99,8 @@ def test_a_rough_picture_is_as_large_and_about_as_light():
 @pytest.fixture
 def drawn_apart(monkeypatch):
     """Programs that draw in no time, asked with the path alone; what is known of windows is forgotten at the end."""
-    monkeypatch.setattr("dsfab.app.carrier.pickled", lambda asked: pickle.dumps([str(asked[1])]))
+    only_the_path = SimpleNamespace(dumps=lambda request, protocol: pickle.dumps([str(request[1])]))
+    monkeypatch.setattr(first_picture, "pickle", only_the_path)
     monkeypatch.setattr(opengl, "_KNOWN", set())
     monkeypatch.setenv(opengl.WINDOW, "another")
     return lambda program: monkeypatch.setattr(first_picture, "PROGRAM", program)

@@ -12,7 +12,6 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.app.carrier import pickled
 from dsfab.app.cli import main
 from dsfab.app.editor.workspace import OpenedPreset
 from dsfab.core.errors import DsfabError, PresetError, SurfaceError
@@ -225,7 +224,7 @@ def test_a_mesh_in_memory_is_varied_and_goes_to_other_processes() -> None:
     given = preset(HYPAR, pattern=PATTERN)
     runs = dsfab.sweep(given, {"surface.refine": [0.0, 0.4], "pattern.keep": [0.2]}, metrics=["kept_share"])
     assert [run.error for run in runs] == ["", ""]
-    again = pickle.loads(pickled(dsfab.Design(given)))
+    again = pickle.loads(pickle.dumps(dsfab.Design(given)))
     assert again.preset == given
     assert dsfab.Design(given).surface is given.surface.build()
 

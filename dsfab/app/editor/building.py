@@ -3,6 +3,7 @@
 import io
 import json
 import os
+import pickle
 import queue
 import shutil
 import signal
@@ -17,12 +18,12 @@ from pathlib import Path
 from typing import Any
 
 import dsfab
-from dsfab.app.carrier import pickled, preset_from_text
 from dsfab.app.editor.jobs import JobProgress, ReportProgress
 from dsfab.app.editor.workspace import MeshRequest, OpenedPreset, Outputs, with_file
 from dsfab.core.errors import DsfabError
 from dsfab.design import draft, revise, run
 from dsfab.design.design import Design
+from dsfab.preset.file import preset_from_toml
 from dsfab.preset.model import Preset
 from dsfab.preset.proposal import Decision
 from dsfab.render.design_picture import caption
@@ -128,7 +129,7 @@ class BuilderError(RuntimeError):
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
     """Run `build_files`, or `export_file` for a single format, in another process, and raise its errors.
     After a cancellation it raises Cancelled within a fraction of a second. After any error it removes the folder."""
-    message = pickled((request, str(folder)))
+    message = pickle.dumps((request, str(folder)), protocol=5)
     try:
         with (
             tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as temporary,
@@ -144,14 +145,14 @@ def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress)
 def open_mesh_in_process(request: MeshRequest, progress: JobProgress) -> OpenedPreset:
     """Run `opened_mesh` in another process. Raises DsfabError, and Cancelled a moment after a cancellation."""
     progress("surface", f"reading {request.name}")
-    message = pickled((request, ""))
+    message = pickle.dumps((request, ""), protocol=5)
     with (
         tempfile.TemporaryDirectory(dir=request.path.parent, ignore_cleanup_errors=True) as temporary,
         _process(Path(temporary)) as process,
     ):
         answer = _final_message(process, message, progress, "reading the mesh", "make it coarser")
     decided = tuple(Decision(**decision) for decision in answer["decided"])
-    return OpenedPreset(preset_from_text(answer["preset"]), (), request.name, decided)
+    return OpenedPreset(preset_from_toml(answer["preset"]), (), request.name, decided)
 
 
 def _final_message(
