@@ -90,7 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
 [de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
 
-IN_TORSION = 0.9899  # Torsion's share of the strain energy in the hook as a curved beam, beside bending and shear.
+IN_TORSION = 0.9899  # Share of torsion in the strain energy of the hook as a curved beam; bending and shear remain.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "

@@ -71,8 +71,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
-    Kirsch's own tractions act on the outer edge. The value is the largest stress along the hole's edge, exactly 3."""
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Tractions of
+    Kirsch's solution act on the outer edge. The value is the largest stress at the hole's edge, exactly 3."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
