@@ -145,7 +145,7 @@ def explore(
 ) -> int:
     """Draw variants of a preset side by side: a contact sheet, and a page with the command that builds each.
 
-    With --animate also a film of them, forth and back.
+    With --animate also a film that runs through the variants forward and backward.
 
     Parameters
     ----------

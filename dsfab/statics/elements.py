@@ -118,6 +118,12 @@ def voigt(a: Floats, b: Floats) -> Floats:
     return np.stack([a[..., 0] * b[..., 0], a[..., 1] * b[..., 1], a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0]], -1)
 
 
+def tensor_matrices(planar: Floats) -> Floats:
+    """Return plane tensors (..., 3), as (xx, yy, xy), as symmetric matrices (..., 2, 2)."""
+    xx, yy, xy = np.moveaxis(planar, -1, 0)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
+
+
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
     """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
     The sum is one product S^T Z: Z has the rows of all blocks, and S selects the unknowns. The product adds each entry

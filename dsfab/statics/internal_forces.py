@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Floats, Ints, lock_floats, unit_vectors
 from dsfab.core.sparse import Factor, factorise
 from dsfab.statics.bending import half_edge_frames, moment_loads
-from dsfab.statics.elements import assemble_blocks, heights
+from dsfab.statics.elements import assemble_blocks, heights, tensor_matrices
 from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_averages
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
@@ -230,10 +230,5 @@ def local_frames(surface: Surface) -> Floats:
 
 
 def _rotated_tensors(plane: Floats, rotation: Floats) -> Floats:
-    xx, yy, xy = plane.T
-    full = (
-        rotation
-        @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
-        @ rotation.transpose(0, 2, 1)
-    )
+    full = rotation @ tensor_matrices(plane) @ rotation.transpose(0, 2, 1)
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

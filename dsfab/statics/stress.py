@@ -10,7 +10,7 @@ from scipy.sparse import csr_array
 from dsfab.core.arrays import Floats, lock, lock_floats
 from dsfab.core.errors import StaticsError
 from dsfab.statics.bending_moments import face_moments, hinge_energy
-from dsfab.statics.elements import Elements, edge_frames, voigt
+from dsfab.statics.elements import Elements, edge_frames, tensor_matrices, voigt
 from dsfab.statics.membrane import hybrid_stress, mean_strain
 from dsfab.statics.model import Law, Material, SheetModel
 from dsfab.statics.solve import Equilibrium
@@ -28,10 +28,8 @@ def stress(
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
     """Return symmetric tensors (m, 3, 3) of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
-    xx, yy, xy = planar.T
-    in_frame = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)
-    return np.asarray(t.transpose(0, 2, 1) @ in_frame @ t)
+    return np.asarray(t.transpose(0, 2, 1) @ tensor_matrices(planar) @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:
@@ -174,9 +172,7 @@ class SheetStress:
 
     def tensor(self, layer: Layer) -> Floats:
         """Return the mean stress (m, 3, 3) of each face, Pa, in space: symmetric and tangent to the face."""
-        xx, yy, xy = self._mean(layer).T
-        planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
-        return np.asarray(self.frame.transpose(0, 2, 1) @ planar @ self.frame)
+        return np.asarray(self.frame.transpose(0, 2, 1) @ tensor_matrices(self._mean(layer)) @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
         """Return principal values and directions of the mean stress of each face [Mohr 1882]."""

@@ -99,8 +99,8 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J)), the movement of a quarter ring loaded across its plane
-    [Timoshenko 1955]."""
+    """Return the movement of a quarter ring loaded across its plane [Timoshenko 1955]:
+    P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3

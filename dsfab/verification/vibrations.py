@@ -33,8 +33,7 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end; value: frequency in its
-    plane, hertz."""
+    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end; value: hertz, in its plane."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)

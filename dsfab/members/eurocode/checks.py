@@ -241,8 +241,8 @@ class Rectangle:
 
 def moment_factor(moment: Floats) -> Floats:
     """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
-    C_m depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. Linear
-    moments give 0.6 + 0.4 psi."""
+    C_m depends on the larger end moment, the ratio psi of the end moments, and the middle moment. For a linear moment
+    it is 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

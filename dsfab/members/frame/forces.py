@@ -134,8 +134,8 @@ class MemberForces:
     member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
     width  : (k,) width (m) of the section over which forces are summed.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
-             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side; Mt turns
-             about the axis."""
+             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side.
+             Mt turns about the axis."""
 
     member: str
     s: Floats
