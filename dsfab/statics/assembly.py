@@ -146,12 +146,13 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return sums (9, count) of blocks u v^T, for u and v (3, k), of equal `pair` (k,), without the number `count`."""
+    """Return the sums (9, count) of the 3 x 3 blocks u v^T with the same pair number. u, v : (3, k).
+    pair : (k,) numbers from 0 to `count`; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
 def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """Return a and b (3, k), or any arrays (...), swapped where `ascending` (k,) is false."""
+    """Return a and b (...), swapped where `ascending` (...) is false."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 

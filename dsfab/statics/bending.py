@@ -73,8 +73,7 @@ GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 
 
 def moment_loads(surface: Surface) -> Floats:
-    """Return the work (m, 3 hats, 3 moments, 12) of unit moments xx, yy, xy times a hat function lambda_a, on each
-    face.
+    """Return the work (m, 3 hats, 3 moments, 12) of unit moments xx, yy, xy times each hat function lambda_a.
 
     Columns: unit deflections w of the corners; unit bubbles, rotations and slopes of the half-edges. The work is
 

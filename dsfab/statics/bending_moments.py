@@ -17,9 +17,9 @@ from dsfab.surface.mesh import Surface
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h), the median over the edges: edge length times fold angle over the thickness.
-    A load on a flat face of a curved sheet bends the face between its edges. For spheres
-    under pressure and `hhj`, the largest stress was too large by 0.8 to 0.9 times this number. A typical stress was
-    wrong by 0.05 times the number, the energy by 1.1 times the number's square. `midedge` has no unknown for this."""
+    A load on a flat face of a curved sheet bends the face between its edges. For spheres under pressure and `hhj`, the
+    largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by 0.05 times the number,
+    the energy by 1.1 times the number's square. `midedge` has no unknown for this bending."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0

@@ -112,8 +112,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
     A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
     of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
-    of faces that are fixed in all directions do not rotate. A bubble is fixed if its edge frame's direction lies mostly
-    (over half of its squared length) in fixed directions."""
+    of faces that are fixed in all directions do not rotate. A bubble in a direction d is fixed if the squares of
+    d's components in fixed directions sum to over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True

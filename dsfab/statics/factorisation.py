@@ -15,7 +15,7 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: a tenth of the reported one, because residuals are rounded."""
+"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, as residuals are rounded."""
 
 REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16

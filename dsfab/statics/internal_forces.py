@@ -15,9 +15,10 @@ from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_a
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face is a splinter of the cut if its height is below this ratio times the mean size of faces. Moments have
-meaningless slopes in splinters: on a tower shear was 5000 instead of 120 kN/m. So the load of a splinter is spread
-around it over this distance. A shorter distance removes less of the error; a longer distance misses shear in ribs."""
+"""A face is a splinter of the cut if its height over the mean size of faces is below this ratio. Moments have
+meaningless slopes in splinters: on a tower, shear was 5000 instead of 120 kN/m. So the load of a splinter is spread
+over its surroundings, up to a distance of this ratio times the mean size. A shorter distance removes less of the
+error; a longer distance misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,8 +152,9 @@ CONVENTION = (
 
 class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
-    values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first direction, towards
-             local y, from -90 to 90. direction : (m, 3) first unit vectors; the second are normal cross first."""
+    values    : (m, 2), the algebraically larger first.
+    angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
+    direction : (m, 3) unit vectors of the first direction; the second direction is normal x first."""
 
     values: Floats
     angle: Floats
@@ -200,8 +202,9 @@ def section_forces(
     averaged around each vertex. This averaging removes the bending of each flat face of a curved sheet under its own
     load.
 
-    q balances the moments. For Navier's plate its errors fall as h^1.5 with the mesh width h, to 0.3 % at 32 cells;
-    slopes of moments had 1.7 %. Sums over sections of cut sheets are right to 0.1 %, or to 2.5 % for narrow ribs."""
+    q balances the moments. For Navier's plate the errors of q fall as h^1.5 with the mesh width h, to 0.3 % at
+    32 cells; slopes of moments have 1.7 %. Sums over sections of cut sheets are right to 0.1 %, or 2.5 % in thin ribs.
+    """
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))

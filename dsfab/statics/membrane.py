@@ -83,7 +83,7 @@ def membrane_stiffness(
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
     move only within the sheet, so flat triangles that meet at an angle stay closed without drilling unknowns.
-    `hybrid`: `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`), softer."""
+    `hybrid`: softer; `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`)."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":

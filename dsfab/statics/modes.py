@@ -76,10 +76,10 @@ VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 
 MODE_RESIDUAL = 1e-3
 """Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative
-error of the mode's factor [Parlett 1980, 4.5]; its square is nearer to the true error. Rounding alone gives 6e-4 on a
-cut saddle whose shortest edge is 1/1500 of its thickness."""
+error of the mode's factor [Parlett 1980, 4.5]; the square of the residual is nearer to the true error. Rounding alone
+gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness."""
 
-INDEPENDENT = 1e-6  # Sums of vectors of energy 1 are rounding errors if their energy is below this value.
+INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 that have less energy than this are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,9 +164,9 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this share of the sheet's area: a bay or a loose end. The lowest modes of whole
-structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
-MODES_BESIDE_LOCAL = 6  # number of modes among which the first that is not local is sought
+"""A mode is local if it moves less than this share of the sheet's area, such as a bay or a loose end. The lowest
+modes of whole structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
+MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
@@ -254,7 +254,7 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
     """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
     K_g is the sum of slope . N slope. The slopes are the means of x, y and z, and those of the normal by its curvature
-    at two places that integrate exactly; all times the square root of the area."""
+    at two points of an exact quadrature; all times the square root of the area."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)

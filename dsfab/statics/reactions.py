@@ -146,8 +146,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return each load by itself, without the factors of combinations. weight : of the sheet, newtons per square metre,
-    as for `LoadCase.build`. Raises SurfaceError for loads without an effect."""
+    """Return each load by itself, without the factors of combinations. Raises SurfaceError for loads without an effect.
+    weight : weight of the sheet, newtons per square metre, as for `LoadCase.build`."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

@@ -39,7 +39,7 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: `elements` if `REPORTED` or without a request, else those for stress."""
+        """Return `elements` if they are in `REPORTED` or if nothing is requested; else the elements for stress."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:

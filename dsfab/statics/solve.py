@@ -33,8 +33,8 @@ class Equilibrium:
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
-    imbalance  : largest component of the sum of loads and reactions, over the sum of the loads' magnitudes; or the same
-                 for their moments, divided by the size of the surface, if that is larger.
+    imbalance  : largest component of the sum of loads and reactions, and of the sum of their moments over the size of
+                 the surface; divided by the sum of the loads' magnitudes.
     residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative rounding
                  error of u in that norm. It bounds the relative error of the compliance.
     on_edges   : for each name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and

@@ -75,9 +75,9 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     values : (m, 3 corners, 3) tensors before averaging.
     sided  : true if values change their sign with the face's normal, as bending does.
 
-    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
-    keeps values that are lost in means of faces. On curved sheets it removes the bending of each flat face by its own
-    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
+    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge,
+    averages keep values that are lost in means of faces. On curved sheets they remove the bending of each flat face by
+    its own load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -135,8 +135,7 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : `vertex_averages` of both stresses, for von Mises stress; constant stress
-    unchanged.
+    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress unchanged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
 
@@ -181,7 +180,7 @@ class SheetStress:
     @cached_property
     def von_mises(self) -> Floats:
         """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
-        At a built-in edge the mean of a face is 25 % too small on a plate of 16 x 16 `hhj` cells, corners 2 %."""
+        At a built-in edge of a plate of 16 x 16 `hhj` cells, means of faces are 25 % too small, corners 2 %."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -196,7 +195,7 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """Largest von Mises stress with its face and layer; under point loads it grows with refinement."""
+        """Largest von Mises stress with its face and layer. The stress at a point load grows with refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"

@@ -71,7 +71,8 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and `count` products with K^-1 dK/dt in turn: they span its derivatives. factor : of K."""
+        """Return x (u, k) and `count` successive products with K^-1 dK/dt, which span its derivatives. factor : of
+        K."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -246,6 +247,6 @@ def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Fact
     for k in np.argsort(compression)[: -1 - CASES : -1]:
         if compression[k] > 1e-9 * np.linalg.norm(resultants[k], axis=(1, 2)) @ surface.areas:
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
-            with suppress(StaticsError):  # barely compressed
+            with suppress(StaticsError):  # modes of a barely compressed sheet may not converge
                 modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes

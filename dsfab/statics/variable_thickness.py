@@ -64,8 +64,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return new thicknesses x sqrt(gain / multiplier) (m,), at most `move` from x; the multiplier gives `area`
-    [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), at most `move` from x; the multiplier gives `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1."""
