@@ -70,10 +70,10 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
-    """Directions of stripes that guides or symmetry change.
+    """Changes of the stripes' directions by guides or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
     guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
-    over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.
+    over   : (m,) True for exchanged families: the major stripes run along the second principal stress.
     told   : a sentence for the user on these directions, or ''."""
 
     along: Floats
@@ -179,15 +179,15 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key, the best attempt first: attempts without refusal, dead ends, plate and slits, then by stiffness.
-        Stiffness counts per share of material, with three digits: rounding must not decide between mirror images."""
+        """Sort key, the best attempt first: not refused, no dead ends, no plate, no slits, then the stiffest.
+        The stiffness is per share of material, with three digits: rounding must not decide between mirror images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the level values at which each is cut (see `dsfab.slicing.cutting.cut`).
+    """Stage 4: named linear fields, and the level values at which each field is cut (see `dsfab.slicing.cutting.cut`).
 
     fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A place is material if an odd
                   number of levels lies below its value. Evenly spaced stripes have fields at corners of faces. A
@@ -201,7 +201,7 @@ class PatternResult:
     choice      : trials for `auto`; None without trials.
     even        : lines of evenly spaced stripes; None for stripes on modes.
     asked       : [pattern] with the results of `auto`; None without `auto`.
-    tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
+    tidy        : stripes for the cut to remove, because they lead nowhere; None if there are none.
     attempts    : trials for the method `auto`, best first; empty for another method.
     trial       : the last cut of the search for widths, for slicing to continue from; not pickled."""
 

@@ -17,8 +17,8 @@ from dsfab.surface import Surface
 
 TIE = 1e-3  # Positions along the structure are equal if they differ by less than this share of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two ratios exceed these values: the spread of their centroids in the second over that in
-the first principal direction, and the least over the largest distance of a centroid from the centre."""
+"""Members form a ring if two ratios of their centroids exceed these values. ROUND : spread in the second over
+spread in the first principal direction. HOLLOW : least over largest distance from the centre."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:

@@ -95,7 +95,7 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of its area."""
+        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of equal area."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 

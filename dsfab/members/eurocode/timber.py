@@ -129,7 +129,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return the checks (b, 1) of bays of lengths (b, 1), m: largest stresses on the narrowest section of a bay."""
+    """Return the checks (b, 1) of bays of lengths (b, 1), m, with the largest stresses on the narrowest section."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

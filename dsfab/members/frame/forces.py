@@ -28,7 +28,7 @@ class Sections:
     weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
     across  : (c, 3) unit vectors in the face, at right angles to the line, in the direction of the axis.
     end_out : (e, 3) unit vectors along the line, out of the face.
-    Other names with end_ are those above for the ends on free edges; end_arm and end_weight are (e, 3)."""
+    end_station, end_face, end_arm, end_weight, end_across : as above, for the ends; end_arm and end_weight (e, 3)."""
 
     station: Ints
     face: Ints
