@@ -83,7 +83,7 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files, by default on at most `LINES` lines of the whole page."""
+        """Print reactions, notes and files; by default the whole page has at most `LINES` lines."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result

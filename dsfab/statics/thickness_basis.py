@@ -71,8 +71,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and `count` successive products with K^-1 dK/dt, which span its derivatives. factor : of
-        K."""
+        """Return x (u, k) and `count` products with K^-1 dK/dt in turn, a basis of its derivatives. factor : of K."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])

@@ -51,7 +51,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; value: joules."""
+    """Return the vault as a thin sheet built in at both springing lines under its own weight; value: compliance, J."""
     surface = vault(cells)
     where, weight = feet(surface), CONCRETE.density * THICKNESS * GRAVITY
     fixed, clamped = held_directions(surface.n, (where, "xyz")), edges_on(surface, where)

@@ -64,7 +64,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, with 2 kN outwards and 2 kN inwards.
-    It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
+    The octant represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))

@@ -33,7 +33,8 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end; value: hertz, in its plane."""
+    """Return FV32: a sheet 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end.
+    The value is the frequency of a mode in its plane, hertz."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)

@@ -228,7 +228,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
     under      : whether the narrowest member is narrower than the least width.
-    bars_under : for each bar of the histogram of widths, whether its widths are below the least width."""
+    bars_under : for each bar of the histogram of widths, True if the bar is below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
@@ -246,7 +246,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # the least width ends a bar
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # bars end at `least`
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

@@ -182,8 +182,7 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that writes the files of a build, or return a question if files would be replaced without
-        `replace`.
+        """Start a job that writes the files of a build, or return a question if files exist and `replace` is false.
         only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
@@ -195,7 +194,7 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures members, with utilisation if `judged`. Raises DsfabError if unsolved."""
+        """Start a job that measures members, with utilisation if `judged`. Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:

@@ -99,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and further files."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and for new files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -118,13 +118,13 @@ class OpenedPreset:
 
     @property
     def page_mesh(self) -> Path | None:
-        """The copy of a mesh file from the page; the session removes it at its end."""
+        """The session's copy of a mesh file from the page, which exists until the session ends."""
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # a new material must not change it
+        if self.words and self.decided and MATERIAL in changes:  # the thickness must stay
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])

@@ -16,8 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return lengths (2,), m, of the joints at both ends of a bay, reduced so that at least a fifth of the bay
-    remains."""
+    """Return lengths (2,), m, of the joints at both ends of a bay, reduced to leave a fifth of the bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
