@@ -20,8 +20,8 @@ from dsfab.surface.fields import CornerField, DividedField
 class CaseResult:
     """Load, equilibrium and stress of a load case or a combination.
     sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
-    answers : further results of the sheet; elements other than those of `equilibrium` may compute them (see `Ask`).
-    factors : of the cases in a combination; None for a case.
+    answers : further results of the sheet; elements other than those of `equilibrium` may compute them.
+    factors : factor of each case in a combination; None for a case.
     layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None."""
 
     load: LoadCase
@@ -41,8 +41,8 @@ class CaseResult:
 class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
 
-    These results are of all cases together, for pictures and for a design with one case. The next stage selects the
-    stress that the pattern follows from `cases`, so that another selection needs no new solution.
+    These fields hold the results of all cases together, for pictures and for a design with one case. The next stage
+    selects the stress that the pattern follows from `cases`, so that another selection needs no new solution.
 
     cases      : the load cases by name, then the combinations.
     objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`)."""
@@ -70,10 +70,10 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class StripeSteering:
-    """Directions of stripes that guides or symmetry change.
+    """Changes of the stripes' directions by guides or symmetry.
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
     guided : (m,) weight of guides; at 1 they count as much as a clear direction of stress.
-    over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.
+    over   : (m,) True for exchanged families: the major stripes run along the second principal stress.
     told   : a sentence for the user on these directions, or ''."""
 
     along: Floats
@@ -86,15 +86,14 @@ class StripeSteering:
 class EvenStripes:
     """Lines of evenly spaced stripes, major and minor, of any width. An unused family has no phase.
 
-    phases  : phases that count every possible line.
-    wanted  : for each level of halving, from the finest, share (m,) of each face on which lines of the level are used.
+    phases  : phases of the finest possible lines of each family; not all of these lines are used.
+    wanted  : for each family and level of halving, from the finest, (m,) share of each face with lines of this level.
     slope   : (n, 2) possible lines per metre.    density : (n, 2) used lines per metre.
-    first   : the family whose finer lines are drawn before those of the second family.
+    first   : number of the family whose finer lines are drawn before those of the second family.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
     symmetry : mirrors and turns of the stripes; None without any.
     steered  : changes of the stripes' directions by guides or symmetry; None without changes.
-    forces   : (m, 2) principal stresses, Pa, if the stripes follow other stresses than those of the uncut sheet; or
-               None."""
+    forces   : (m, 2) principal stresses that the stripes follow, Pa; None for those of the uncut sheet."""
 
     phases: tuple[CornerPhase, CornerPhase]
     wanted: tuple[tuple[Floats, ...], tuple[Floats, ...]]
@@ -180,15 +179,15 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, float]:
-        """Sort key, the best attempt first: by carried loads, no dead ends, no plate, no slits, then stiffness.
-        Stiffness counts per share of material, with three digits: rounding must not decide between mirror images."""
+        """Sort key, the best attempt first: not refused, no dead ends, no plate, no slits, then the stiffest.
+        The stiffness is per share of material, with three digits: rounding must not decide between mirror images."""
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.plate > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the level values at which each is cut (see `dsfab.slicing.cutting.cut`).
+    """Stage 4: named linear fields, and the level values at which each field is cut (see `dsfab.slicing.cutting.cut`).
 
     fields      : values at the vertices, (n,), or (n, 2) for stripes of varying width. A place is material if an odd
                   number of levels lies below its value. Evenly spaced stripes have fields at corners of faces. A
@@ -197,14 +196,14 @@ class PatternResult:
     half_widths : (n,) for each field. For the families, material is |z - k| < d with integer k; for other fields d is
                   infinite. On modes, z is frequency x + phase; on even stripes, z is the phase of the used lines.
     factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.
-    frequency   : of the major and of the minor stripes; for `spacing` the result.
+    frequency   : of the major and of the minor stripes; it results from `spacing` if the preset has that key.
     mode, phase : of both families; for `auto` the result.
     choice      : trials for `auto`; None without trials.
     even        : lines of evenly spaced stripes; None for stripes on modes.
     asked       : [pattern] with the results of `auto`; None without `auto`.
-    tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
+    tidy        : stripes for the cut to remove, because they lead nowhere; None if there are none.
     attempts    : trials for the method `auto`, best first; empty for another method.
-    trial       : the last cut of the search for widths, until slicing continues from it; pickles leave it out."""
+    trial       : the last cut of the search for widths, for slicing to continue from; not pickled."""
 
     names: tuple[str, ...]
     fields: tuple[Floats | CornerField | DividedField, ...]
@@ -244,7 +243,7 @@ class PatternResult:
 
 
 class Piece(NamedTuple):
-    """A connected part of the sheet: its area, m2, and whether it has a support and a concentrated load."""
+    """A connected part of the sheet: its area, m2, whether it has a support, and whether it has a concentrated load."""
 
     area: float
     held: bool

@@ -188,9 +188,7 @@ def _in_own_process(name: str, source: Source, step: bool, stages: str) -> dict[
         [sys.executable, "-m", "dsfab.app.bench", request], capture_output=True, text=True, check=False
     )
     if completed.returncode:
-        raise DsfabError(
-            completed.stderr.strip().splitlines()[-1] if completed.stderr.strip() else f"the run of {name} was killed"
-        )
+        raise DsfabError((completed.stderr.strip() or f"the run of {name} was killed").splitlines()[-1])
     result: dict[str, Any] = json.loads(completed.stdout)
     return result
 

@@ -48,10 +48,10 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 def measure(triangles: int) -> dict[str, Any]:
     """Measure frames per second in this process, for each kind of picture.
-    plain, shader : the mesh alone; the mesh with stripes, whose settings change before each frame.
-    graded, walls : stripes of varying width; stripes with the walls of the sheet.
-    over_clock, over_cpu : time of a frame with stripes divided by that of a plain frame: real time; processor time.
-    change_ms, peak_mb   : time to change the settings of the stripes, milliseconds; peak memory, MiB."""
+    plain, shader : the mesh alone, and the mesh with stripes whose settings change before each frame.
+    graded, walls : stripes of varying width, and stripes with the walls of the sheet.
+    over_clock, over_cpu : real time and processor time of a frame with stripes, each divided by that of a plain frame.
+    change_ms, peak_mb   : milliseconds to change the settings of the stripes, and peak memory in MiB."""
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
     from dsfab.render.shader import StripeShader
@@ -91,7 +91,7 @@ def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
     frame_times: dict[str, list[tuple[float, float, float]]] = {}
-    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate: a busy machine slows each equally
+    for kinds in (("plain", "shader", "graded"), ("walls",)):  # kinds alternate, so other programs slow all kinds
         start, number = time.perf_counter(), 0
         while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in kinds:

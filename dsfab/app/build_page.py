@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 LINES = 25  # Number of lines that a build prints by default: what fits on a small terminal with the command above.
 
 USER_STAGES = ("surface", "statics")
-"""Stages whose notes a user should know: they tell what dsfab took the surface and the loads for. Notes of later stages
-tell what dsfab did to make the structure buildable."""
+"""Stages whose notes a user should know: how dsfab understood the surface and the loads. Notes of later stages tell
+how dsfab made the structure buildable."""
 
 
 @Parameter(name="*")
@@ -39,7 +39,7 @@ USUAL = Output()
 
 
 class BuildPage:
-    """Prints the results of a build as soon as they are known, and counts the lines. faulty : does not carry."""
+    """Prints the results of a build as soon as they are known. faulty : True if the design does not carry its loads."""
 
     def __init__(self, output: Output) -> None:
         self.output, self.faulty, self._count = output, False, 0
@@ -75,7 +75,7 @@ class BuildPage:
         self.faulty = judged.outcome == "does not carry"
         self.print_lines([verdict_line(name, judged)])
         if self.faulty:
-            if self.output.quiet:  # quiet prints errors only, and this is one
+            if self.output.quiet:  # the verdict is an error, which --quiet prints
                 sys.stderr.write(f"dsfab: {verdict_line(name, judged)}\n")
             self.print_lines([f"you must act: {cure_line(judged, sizing_result(design) is not None)}"])
         self.print_lines(figure_lines(judged))
@@ -83,7 +83,7 @@ class BuildPage:
         sys.stdout.flush()
 
     def print_rest(self, design: "Design", folder: Path, saved: "SavedDesign", refused: Sequence[str]) -> None:
-        """Print reactions, notes and files; the default leaves out what is beyond `LINES`."""
+        """Print reactions, notes and files; by default the whole page has at most `LINES` lines."""
         from dsfab.render.design_picture import caption
         from dsfab.report.design.carrying import reaction_lines
         from dsfab.study import sizing_result

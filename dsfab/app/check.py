@@ -33,7 +33,7 @@ QUESTIONS = {
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Expected:
-    """Options that name the design that the checked file should contain."""
+    """Options for the design that the checked file should contain."""
 
     preset: Annotated[
         str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
@@ -60,18 +60,12 @@ class Reading:
     max_triangles: MaxTriangles = None
     density: Annotated[float, Parameter(help="kg/m3, for the mass [the preset's].")] = 0.0
 
-    @property
-    def triangle_limit(self) -> int:
-        """Largest number of triangles of the file."""
-        from dsfab.surface import DEFAULT_TRIANGLES
-
-        return self.max_triangles or DEFAULT_TRIANGLES
-
     def contents(self, file: Path, deflection: float) -> "FileContents":
         """Read a file; `deflection` (m) is the largest distance of triangles from the curved faces of STEP."""
         from dsfab.study.file_check import read_shipped
+        from dsfab.surface import DEFAULT_TRIANGLES
 
-        return read_shipped(file, self.unit, self.triangle_limit, deflection)
+        return read_shipped(file, self.unit, self.max_triangles or DEFAULT_TRIANGLES, deflection)
 
 
 def check(

@@ -76,7 +76,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RepeatArgumentError as error:
         return _fail(ExitCode.WRONG_USAGE, _given_twice(words, error.token.keyword or ""))
     except CycloptsError as error:
-        return _fail(ExitCode.WRONG_USAGE, _wrong_usage(error))
+        command = " ".join(("dsfab", *(error.command_chain or ())))
+        return _fail(ExitCode.WRONG_USAGE, f"{str(error).strip()} Try `{command} --help`.")
     except NotMadeError as error:
         return _fail(ExitCode.NOT_MADE, str(error))
     except DsfabError as error:
@@ -93,11 +94,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return _fail(ExitCode.REFUSED, f"the name {str(error.filename)[:40]}... is too long; choose a shorter name")
         return _fail(ExitCode.BUG, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return int(code) if isinstance(code, int) else ExitCode.DONE
-
-
-def _wrong_usage(error: CycloptsError) -> str:
-    command = " ".join(("dsfab", *(error.command_chain or ())))
-    return f"{str(error).strip()} Try `{command} --help`."
 
 
 def _given_twice(words: Sequence[str], option: str) -> str:

@@ -236,7 +236,7 @@ def _comparisons(preset: "Preset", questions: Questions, reporter: Reporter) -> 
         if not shares:
             raise
         reporter.print_line(f"compare     the design is left out at its own share of the surface: {error}")
-    # one solve is enough for a cut sheet, but the coarse mesh of an uncut sheet makes it a quarter too soft
+    # one solve is enough for a cut sheet, but makes an uncut sheet with a coarse mesh a quarter too soft
     judge = checks.judge(questions.level or "whole")
     for share in shares:
 
@@ -287,9 +287,9 @@ def _print_results(comparisons: list[ComparisonAtShare], findings: "Findings | N
 FILES = ("summary.html", "summary.csv")
 
 SummaryRow = dict[str, Any]
-"""Row of the summary: `name`, `folder`, `error`, and unless there is an error the design's results, None if unknown.
-The results are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`,
-and for each competitor `NAME_ratio`: the competitor's compliance over the design's."""
+"""Row of the summary: `name`, `folder`, `error`, and without an error the results of the design, None if unknown:
+`verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full`, `seconds`, and for each
+competitor `NAME_ratio`: the competitor's compliance over the design's."""
 
 
 @dataclass(frozen=True)
@@ -387,10 +387,10 @@ def compare(
 ) -> int:
     """Compare a design with others of the same mass: a thinner full sheet, stripes that ignore the stress, and more.
 
-    Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes a report
-    for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of compliance
-    over mass. Several presets are compared in turn, also after an error, and summary.html has a line for each. The
-    exit code is 5 if a design does not carry its loads.
+    Each design is solved on its own cut mesh under the same loads; the stiffest has the smallest compliance. Writes a
+    report for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of
+    compliance over mass. Several presets are compared in turn, also after an error, and summary.html has a line for
+    each. The exit code is 5 if a design does not carry its loads.
 
     Parameters
     ----------

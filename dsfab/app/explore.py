@@ -82,7 +82,7 @@ class Variants:
         return ContactTile(number, parameters, command, png_bytes(picture))
 
     def _refuse_many(self, total: int, reporter: Reporter) -> None:
-        """Raise DsfabError because too many variants are requested, with the expected time of all variants."""
+        """Raise DsfabError with the expected time of all variants, because there are too many."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
@@ -145,7 +145,7 @@ def explore(
 ) -> int:
     """Draw variants of a preset side by side: a contact sheet, and a page with the command that builds each.
 
-    With --animate also a film of them, forth and back.
+    With --animate also a film that runs through the variants forward and backward.
 
     Parameters
     ----------

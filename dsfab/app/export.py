@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 CALCULIX_SUFFIX = ".inp"
-ALIASES = {".stp": ".step"}  # Suffixes with the same format as another suffix.
+ALIASES = {".stp": ".step"}  # Suffixes that stand for the format of another suffix.
 SHORT_WORDS = {"saf": ".saf.xlsx", "opensees": ".tcl"}  # Short words for --to, with the suffix of their format.
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
@@ -40,7 +40,7 @@ GROUPS = {
     "member_forces": "forces of members",
     "utilisation": "forces of members",
 }
-"""Titles of groups of formats by their content; other contents are titles themselves."""
+"""Titles of groups of formats, by their content. Any other content is a title itself."""
 
 TO_HELP = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "

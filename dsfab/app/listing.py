@@ -64,7 +64,7 @@ def inspect(
 ) -> int:
     """Describe a mesh file: size, pieces, boundary, likely unit, and whether it is manifold or why not.
 
-    It also lists what dsfab reads, repairs and drops, and whether `dsfab build` takes the mesh: exit code 1 if not.
+    The command also lists what dsfab reads, repairs and drops. The exit code is 1 if `dsfab build` refuses the mesh.
 
     For a preset or a built folder: supports and loads, also of a design that cannot be built; evenness and dead ends
     of its pattern; and members, gaps and walls, against the limits of [fabrication].

@@ -38,7 +38,7 @@ def new(
 ) -> int:
     """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    It reads the mesh and judges by their statics what its unit, its vertical axis and its supports may be. Loads follow
+    dsfab judges the unit, the vertical axis and the supports of the mesh by the statics that they give. Loads follow
     from the kind of surface; thickness, pattern and widths from its size. Doubts come first, each as a question with
     the option that settles it. `dsfab build` takes the preset, and the mesh itself as well.
 

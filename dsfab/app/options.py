@@ -132,7 +132,7 @@ class Source(MeshFlags):
         """Return the preset of a name or file with the changes; for a mesh file the proposed preset.
 
         proposal  : proposal for the mesh, if the caller has it.
-        thickness : what replaces the thickness auto: the one that sizing chooses, a first guess in no time, or nothing.
+        thickness : replacement for the thickness auto: "sized" by sizing, "guessed" by a quick guess, "open" for none.
         Raises PresetError for an unknown or invalid preset, and for a preset without its mesh."""
         from dsfab.preset.file import load_preset, require_mesh, with_overrides
 

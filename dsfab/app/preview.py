@@ -34,7 +34,7 @@ SHOW_WORDS = {
         *("major_mode", "minor_mode", "displacement"),
     ),
 }
-"""Words of --show, each with the pictures that it stands for."""
+"""Words of --show that stand for several pictures or another picture."""
 
 SHOWN_ON_REQUEST = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
 """Pictures that `all` includes only if the preset sets their key of [statics]."""
@@ -88,8 +88,7 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> PreviewPage:
-        """Return the page of a preset, in `folder` unless --output names a file. Raises DsfabError for a wrong
-        option."""
+        """Return the page of a preset, in `folder` without --output. Raises DsfabError for a wrong option."""
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED_PICTURES else picture_names(self.show, preset)
@@ -111,7 +110,7 @@ def preview(
     watch: Annotated[bool, Switch(help="Draw again when the preset file is saved, until Ctrl-C.")] = False,
     quiet: Quiet = False,
 ) -> int:
-    """Draw a preset in a few seconds: evenly spaced stripes as they are built, all else before it is cut.
+    """Draw a preset in a few seconds: evenly spaced stripes as built, other patterns and fields on the uncut sheet.
 
     Parameters
     ----------

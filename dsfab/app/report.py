@@ -22,10 +22,10 @@ def report(
     source: Source = UNCHANGED,
     quiet: Quiet = False,
 ) -> int:
-    """Report what each member bears against Eurocode 3 or 5: the worst ones on the structure, diagrams, clauses.
+    """Report the utilisation of each member by Eurocode 3 or 5: the worst members on the structure, diagrams, clauses.
 
-    The material of the preset decides the code; `[eurocode]` has its factors. For materials without a code, the
-    report compares stress with strength.
+    The material of the preset decides the code; `[eurocode]` has its factors. For materials without a code, the report
+    compares stress with strength.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ def reproduce(
 ) -> int:
     """Make the paper's figures and a page about them: each step in pictures, its parameters, its seconds.
 
-    Exit code 4 when a figure could not be made; the page says why in its place.
+    The exit code is 4 if a figure could not be made; the page then shows the reason.
 
     Parameters
     ----------

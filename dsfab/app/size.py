@@ -19,7 +19,7 @@ def size(
 ) -> int:
     """Choose the thinnest sheet of the stock with which the cut structure meets the targets of [sizing].
 
-    It cuts the design and solves the cut sheet at two thicknesses, which give the figures of all others. Members are
+    The cut sheet is solved at two thicknesses; the results at all other thicknesses follow from these. Members are
     checked only where the choice depends on it. The result is cut and solved once more with its own thickness. If no
     thickness suffices, the pattern gets more material, then closer members. Exit code 5 means that nothing suffices.
 

@@ -120,8 +120,8 @@ def sweep(
 ) -> int:
     """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
 
-    You may stop it at any time, and a power cut may: the same command, or `dsfab sweep FOLDER`, goes on. The exit
-    code is 3 if runs are missing, and the last line has their number.
+    You may stop a sweep at any time. The same command, or `dsfab sweep FOLDER`, continues it, even after a power cut.
+    The exit code is 3 if runs are missing, and the last line has their number.
 
     Parameters
     ----------

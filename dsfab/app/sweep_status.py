@@ -52,16 +52,13 @@ class SweepProgress:
             self.add_run(outcome.number, outcome.metrics)
         line = self._line(progress)
         if self._console.is_terminal:
-            self._status = self._status or self._start_status(line)
+            if self._status is None:
+                self._status = self._console.status(line)
+                self._status.start()
             self._status.update(line)
         elif time.monotonic() - self._told > 10 or not progress.remaining:
             self._console.print(line, markup=False)
             self._told = time.monotonic()
-
-    def _start_status(self, line: str) -> Status:
-        status = self._console.status(line)
-        status.start()
-        return status
 
     def _line(self, progress: Progress) -> str:
         killed = f", {progress.killed} killed" if progress.killed else ""

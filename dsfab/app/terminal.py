@@ -20,15 +20,15 @@ class ExitCode(IntEnum):
     REFUSED = 1  # the input is refused, or a check of it fails
     WRONG_USAGE = 2
     UNFINISHED = 3  # runs of a sweep are missing; the same command tries them again
-    NOT_MADE = 4  # something that was requested was not made
+    NOT_MADE = 4  # a requested file or figure was not made
     DOES_NOT_CARRY = 5  # the files are written, but the structure does not carry its loads
     BUG = 70
     INTERRUPTED = 130  # Ctrl-C
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error, unless `quiet`. The end of a `with` block ends the last
-    stage.    steps : False to show a stage on a terminal only while it runs, without a line that stays."""
+    """Prints stages and their seconds on standard error, unless `quiet`; the end of a `with` block ends the last stage.
+    steps : False to show a stage only while it runs, on a terminal."""
 
     def __init__(self, quiet: bool = False, steps: bool = True) -> None:
         self.quiet, self.steps = quiet, steps

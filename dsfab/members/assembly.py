@@ -17,8 +17,8 @@ from dsfab.surface import Surface
 
 TIE = 1e-3  # Positions along the structure are equal if they differ by less than this share of its size.
 ROUND, HOLLOW = 0.5, 0.4
-"""Members form a ring if two conditions hold. Their centroids spread in a second direction by more than ROUND times the
-spread in the first. The nearest to the centre is farther from it than HOLLOW times the farthest."""
+"""Members form a ring if two ratios of their centroids exceed these values. ROUND : spread in the second over
+spread in the first principal direction. HOLLOW : least over largest distance from the centre."""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
@@ -50,13 +50,13 @@ def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
 
 
 def _pointing(axes: Floats) -> Floats:
-    """Turn unit vectors (d, 3) so that the largest coordinate of each is positive."""
+    """Reverse unit vectors (d, 3) where necessary, so that the largest coordinate of each is positive."""
     largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
     return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """Return ranks (k,) of values (k,); sorted values share a rank unless they differ by more than `gap`."""
+    """Return ranks (k,) of values (k,); neighbours in sorted order share a rank unless they differ by over `gap`."""
     order = np.argsort(values, kind="stable")
     steps = np.empty(len(values), dtype=np.int64)
     steps[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -128,7 +128,7 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 def spherical_normals(surface: Surface) -> Floats:
     """Return unit normals (n, 3) at the vertices, exact on a sphere [Max 1999].
-    The sum at a vertex is over cross products of a face's two edges, divided by their squared lengths. Area-weighted
+    Each face adds the cross product of its two edges at the vertex, divided by their squared lengths. Area-weighted
     normals have an error of first order where edges differ in length, and members would twist by this error."""
     total = np.zeros((surface.n, 3))
     for corner in range(3):

@@ -65,9 +65,10 @@ class MiddleLine:
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of each stripe of field k, the longest first: the lines where its offset (m, 3) is 0.
-    normals : (n, 3) unit normals at the vertices of the overlay.
-    An offset is never exactly 0. At both ends of an edge, its two cells have equal signs, or opposite signs."""
+    """Return the middle lines of the stripes of field k, by stripe, the longest first.
+    There the field's `offset` (m, 3) at the corners of cells, which is never exactly 0, changes its sign. At both ends
+    of an edge, its two cells have offsets of equal signs, or of opposite signs.
+    normals : (n, 3) unit normals at the vertices of the overlay."""
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
     crossed = sign * np.roll(sign, -1, axis=1) < 0
@@ -94,7 +95,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """Return the points (c, 2) on sides (c, 2) with offset 0, as parameters from 0 at the lower vertex number to 1."""
+    """Return the places (c, 2) with offset 0 on sides (c, 2) of cells, from 0 at the lower vertex number to 1."""
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     ascending = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -110,7 +111,7 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """Divide a line where it turns back in the surface.
     The angle of a turn is measured over 1.5 times the member's `width`, or one mean `edge` if longer (m). Short parts
-    at the ends are dropped, because around the end of a kept support the line runs at right angles to the rim."""
+    at both ends are dropped, because the line turns towards the rim around the end of a kept support."""
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
     x = np.linspace(0, line.length, count + 1)
@@ -181,7 +182,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
     return begin, end
 
 
-KNOTS, COARSE = 4.0, 2.0  # Distance of knots in widths of the member, or in edges of the mesh if these are longer.
+KNOTS, COARSE = 4.0, 2.0  # Knots are KNOTS widths of the member apart, or COARSE edges of the mesh if this is more.
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,7 +193,7 @@ class MemberAxis:
     kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
     kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
     closed  : True if the last station equals the first.
-    traced  : (k,) length of the line on the mesh up to each station.    strayed : largest distance of axis and line."""
+    traced  : (k,) length of the middle line up to each station.    strayed : largest distance from this line."""
 
     s: Floats
     P: Floats
@@ -206,10 +207,8 @@ class MemberAxis:
     strayed: float
 
     def __post_init__(self) -> None:
-        for name in ("s", "kg", "kn", "tg", "traced"):
-            lock(self, name, np.float64, (len(self.s),))
-        for name in ("P", "T", "N"):
-            lock(self, name, np.float64, (len(self.s), 3))
+        k = len(self.s)
+        lock_floats(self, s=(k,), kg=(k,), kn=(k,), tg=(k,), traced=(k,), P=(k, 3), T=(k, 3), N=(k, 3))
 
     @property
     def length(self) -> float:
@@ -226,12 +225,12 @@ class MemberAxis:
         return P, unit_vectors(T), unit_vectors(N)
 
     def station(self, traced: float) -> float:
-        """Return the arc length of the axis at an arc length of the line on the mesh."""
+        """Return the arc length of the axis at an arc length of the middle line."""
         return float(np.interp(traced, self.traced, self.s))
 
 
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
-    """Fit an axis to the middle line of a member of a width (m), on a mesh with a mean edge (m)."""
+    """Fit an axis to a middle line. width : of the member, metres. edge : mean edge of the mesh, metres."""
     step = max(KNOTS * width, COARSE * edge)
     # on fine meshes the tolerance shrinks with edge^2, as does the error of the mesh
     axis, tolerance = _axis_with_knots(line, step), 0.05 * edge * edge / max(edge, width)

@@ -57,8 +57,8 @@ def _stripe_band(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """Return the shape and the band of kept material, from values x at the vertices of the sheet.
-    Shapes: "reach" around a place, x (n,); "plate" in a whole region, x (n,); "band" along its outline, x (n, 2)."""
+    """Return the shape and the band of kept material, from values x at the vertices of the sheet. "reach": all within a
+    distance from a place, x (n,). "plate": a region, x (n,). "band": along its outline, x (n, 2)."""
     zero = np.zeros(1)
     if x.ndim == 2:  # column 0 is positive in the region; column 1 at its outline is minus the width
         width = -float(x[:, 1].min())
@@ -70,9 +70,9 @@ def _kept_band(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
     return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
 
 
-DISC = 0.4  # Kept material is a disc if its area exceeds this share of a circle's with the same outline.
+DISC = 0.4  # Kept material is a disc if its area exceeds this share of the area of a circle with an equal perimeter.
 HIDDEN, COVERED = 0.05, 0.3
-"""Least share of the cells in which a strip (HIDDEN) or kept material (COVERED) is on top, so that it is a member."""
+"""A strip (HIDDEN) or kept material (COVERED) is a member only if it is on top in more than this share of its area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +95,7 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of its area."""
+        """Return the mean width (m) from areas (m,) of all cells; without a line the side of a square of equal area."""
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
@@ -108,8 +108,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Return the components of all stripes. A cell at a crossing is in several components, a sliver's cell may be in
-    none.
+    """Return the components of all stripes; cells at crossings are in several components, cells of slivers in none.
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : mean edge of the uncut mesh, metres."""
     pieces = list[Component]()
     round_ = roundness(overlay)
@@ -127,8 +126,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """Return the middle lines of the stripes of a field.
-    If a stripe lacks its middle, such as half a stripe at the sheet's edge, its line runs at its cells' mean offset."""
+    """Return the middle lines of the stripes of a field. A stripe without its middle, such as half a stripe at the
+    sheet's edge, has a line at the mean offset of its cells."""
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
     part = overlay.part[:, k]
@@ -225,7 +224,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, pieces: list[Component]) -> list[Component]:
-    """Drop components that are hidden along their whole length, for example a rim below material around supports."""
+    """Drop components that are hidden almost everywhere, for example a rim below material around supports."""
     made_by, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [
         areas[component.cells[made_by[component.cells] == component.field]].sum() / areas[component.cells].sum()

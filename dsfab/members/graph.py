@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import compas.datastructures
 
 EXACT = 2.0**-30
-"""Smaller offsets (periods or metres) count as this value, with the sign at the edge's first end.
+"""Offsets nearer to 0 (periods or metres) count as this value, with the sign of the offset at the edge's first end.
 Then a crossing on an edge is in exactly one of its two cells."""
 
 
@@ -134,7 +134,7 @@ class Member:
     area   : area of these cells, square metres.
     axis   : along its middle, or None.
     sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
-    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed."""
+    ends   : at begin and end, the name of a node or of the next member, "edge" or "free"; empty if closed."""
 
     id: str
     kind: Kind
@@ -149,7 +149,7 @@ class Member:
 
     def __post_init__(self) -> None:
         lock(self, "cells", np.int64, (None,))
-        lock(self, "sides", np.float64, (None, 2))
+        lock_floats(self, sides=(None, 2))
 
     @property
     def curve(self) -> MemberAxis:
@@ -177,12 +177,11 @@ class Member:
 class Node:
     """The overlap of two members.
 
-    kind    : crossing, both continue; branch, one ends; end, both end; grazing, they share material but their middle
-              lines do not meet.
+    kind    : crossing if both members continue, branch if one ends, end if both end; grazing if they share material
+              but their middle lines do not meet.
     members : names of the members.    at : (2,) arc length along the axis of each member, metres; NaN without an axis.
     angle   : angle between the members, degrees, 0 to 90; NaN if a member has no axis.
-    point   : (3,) metres, and normal : (3,) of the surface at the point.    area : area of the overlap, square metres.
-    """
+    point   : (3,) metres.    normal : (3,) of the surface at the point.    area : of the overlap, square metres."""
 
     id: str
     kind: NodeKind
@@ -274,7 +273,7 @@ class MemberGraph:
                 f"{len(stubs)} stubs, under twice as long as they are wide, make up {self.stub_share:.1%} of the sheet"
             )
         if grazing:
-            lines.append(f"{len(grazing)} overlaps are no nodes: their members graze, and the middle lines do not meet")
+            lines.append(f"{len(grazing)} overlaps are not nodes: members graze, and their middle lines do not meet")
         return tuple(lines)
 
     @property
@@ -321,7 +320,7 @@ class Joints:
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
         """Return ends (k, 3) of middle lines inside material shared with another member, and the cell (k,) of each end.
-        At such an end the members meet, as two edges of a surface do at its corner."""
+        The members meet at such an end, for example two rims at a corner of the surface."""
         for k, neighbour in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[neighbour].line is None:

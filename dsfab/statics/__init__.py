@@ -71,9 +71,9 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """Return `solve_cases` by the elements for a purpose in `USES`. bars : see `solve_cases`.
-    A cut may leave needles, very flat triangles, for which the more accurate elements may fail. Then elements that
-    tolerate needles solve the sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
+    """Solve load cases with the elements of a use (`USES`); return the equilibria by name. bars : see `solve_cases`.
+    On needles, very flat triangles in cut sheets, the more accurate elements may fail. Then other elements solve the
+    sheet (see `Equilibrium.elements`). Raises StaticsError as `solve_cases`."""
     elements = elements_of(use)
     try:
         return solve_cases(sheet, loads, elements, bars=bars)
@@ -91,10 +91,10 @@ def solve_cases(
     combinations: Mapping[str, Mapping[str, float]] | None = None,
     bars: bool = False,
 ) -> dict[str, Equilibrium]:
-    """Return `solve_statics` for several load cases on the same supports, by name, from one factorisation.
-    spreads      : for each case, see `equilibrium`; either for all cases, or None.
+    """Solve several load cases on the same supports with one factorisation; return the equilibria by name.
+    spreads      : for each case, its load on faces and edges (see `equilibrium`); None without such loads.
     combinations : for each combination, the factor of each case; combinations follow the cases in the result.
-    bars         : true to count the lower torsional stiffness of ribs with a rectangular section, see `torsion_loss`.
+    bars         : true if ribs twist as bars with a rectangular section do, see `torsion_loss`.
     Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases."""
     sums = dict(combinations or {})
     for name, factors in sums.items():

@@ -15,7 +15,7 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    r"""Return vertices (i, 4) of every pair of faces that share an edge: edge start, edge end, both opposite vertices.
+    r"""Return the vertices (i, 4) of each pair of faces with a common edge: its start, its end, both opposite vertices.
 
           2
          / \
@@ -30,10 +30,10 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Return gradients (i, 4, 3), per metre, of the angles at hinges, and weights (i,): l^2 / (A1 + A2) of both faces.
+    """Return the gradients (i, 4, 3), 1/m, of the angles at hinges (i, 4), and the weights (i,): l^2 / (A1 + A2).
 
     The opposite vertices have heights h2, h3 above the edge. If they move along the faces' normals, the angle changes
-    by n2 / h2 and n3 / h3. Gradients at the ends of the edge balance these, because rigid motions change no angle."""
+    by n2 / h2 and n3 / h3. The gradients at both ends of the edge follow, because rigid motions change no angle."""
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
     length = np.linalg.norm(edge, axis=1)
@@ -48,19 +48,19 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes where these suffice, because a matrix has as many indices as entries."""
+"""Integers of 4 bytes, because a sparse matrix stores an index for every entry."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-"""Pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
+"""The six pairs of the four vertices of a hinge, see `hinges`."""
 
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
     """Pairs of vertices that are coupled in a stiffness matrix, and the places of their blocks in it.
-    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
-               vertices of all hinges if the elements have hinges.
-    of_edge  : (e,) the pair of each edge.
-    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges."""
+    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: the ends of all edges, and
+               the opposite vertices of all hinges if the elements have hinges.
+    of_edge  : (e,) number of the pair of each edge.
+    opposite : (i,) number of the pair of opposite vertices of each hinge, p if both are equal; () without hinges."""
 
     n: int
     ends: Ints
@@ -69,7 +69,7 @@ class VertexPairs:
 
     @classmethod
     def from_surface(cls, surface: Surface, hinge: Ints | None = None) -> Self:
-        """Return the pairs of edges, and the pairs of hinges (i, 4) if they are an argument."""
+        """Return the pairs of the ends of all edges, and of the opposite vertices of hinges (i, 4)."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
         if hinge is None:
@@ -81,7 +81,7 @@ class VertexPairs:
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
     def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
-        """Return the pairs (6, i) between the corners of each hinge, as in `CORNERS`."""
+        """Return the numbers (6, i) of the pairs of each hinge, in the order of `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
@@ -92,8 +92,8 @@ class VertexPairs:
 
     @cached_property
     def _block_positions(self) -> tuple[Index, Index, Index]:
-        """Row pointers and columns of the matrix in blocks, and the number of each block.
-        Blocks: p above the diagonal, the same p below the diagonal, then n on the diagonal."""
+        """Row pointers, columns and block numbers of the matrix in blocks. Blocks: p above the diagonal, the same p
+        below the diagonal, then n on the diagonal."""
         low, high = self.ends.T.astype(np.int32)
         vertex, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend without sorting
@@ -106,7 +106,7 @@ class VertexPairs:
     def matrix(self, blocks: "PairBlocks") -> csr_array:
         """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._block_positions
-        # positions of single entries, instead of blocks, would take a third of the memory of the matrix
+        # positions of blocks take a ninth of the memory of positions of entries
         all_blocks = np.concatenate([blocks.between.T, _transposed_blocks(blocks.between).T, blocks.own.T])
         values = all_blocks[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -114,10 +114,9 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness as 3 x 3 blocks, one for each pair of vertices. Stiffnesses on the same pairs are added block by
-    block.
+    """A stiffness as 3 x 3 blocks, one for each pair of vertices and one for each vertex.
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
-    own     : (9, n) the symmetric blocks on the diagonal, one for each vertex."""
+    own     : (9, n) the symmetric blocks on the diagonal."""
 
     pairs: VertexPairs
     between: Floats
@@ -125,7 +124,7 @@ class PairBlocks:
 
     @classmethod
     def without_shifts(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """Add the diagonal blocks, each minus the sum of the rest of its row, because a shift causes no force."""
+        """Return the stiffness with blocks `between` (9, p); rows sum to 0, because a rigid shift causes no force."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         diagonal = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(diagonal.reshape(9, -1), between, _transposed_blocks(between), strict=True):
@@ -147,17 +146,18 @@ def _transposed_blocks(blocks: Floats) -> Floats:
 
 
 def summed_blocks(u: Floats, v: Floats, pair: Ints, count: int) -> Floats:
-    """Return sums (9, count) of the blocks u v^T over rows (k,) with the same `pair`; pair = `count` is left out."""
+    """Return the sums (9, count) of the 3 x 3 blocks u v^T with the same pair number. u, v : (3, k).
+    pair : (k,) numbers from 0 to `count`; blocks with the number `count` are left out."""
     return np.stack([np.bincount(pair, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
 def ascending_pairs(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """Return a, b (3, k), exchanged where the pair's first vertex is the larger."""
+    """Return a and b (...), swapped where `ascending` (...) is false."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """Return the pairs of edges, and of any hinges (i, 4), computed once for each surface."""
+    """Return the `VertexPairs` of a surface and its hinges (i, 4), if any, computed once."""
     results, key = derived_results(surface), (VertexPairs, hinge is None)
     if key not in results:
         results[key] = VertexPairs.from_surface(surface, hinge)

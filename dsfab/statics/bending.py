@@ -31,9 +31,9 @@ from dsfab.surface.mesh import Surface
 def curvatures(surface: Surface) -> Floats:
     """Return the curvature (m, 3, 12), (xx, yy, 2 xy), of each face for unit moves of corners and rotations of edges.
 
-    Let t be the direction of a half-edge j -> k, m = t x n the direction out of the face, w = u . n, and omega the
-    rotation about the edge in its global direction (s = +-1 against the half-edge's). The curvature is constant [Morley
-    1968; Grinspun et al. 2006 for mid-edge rotations on surfaces]:
+    Let t be the direction of a half-edge j -> k, m = t x n the direction out of the face, and w = u . n. Let omega be
+    the rotation about the edge in the edge's global direction, and s = 1 if the half-edge has this direction, else -1.
+    The curvature is constant on a face [Morley 1968; Grinspun et al. 2006 for mid-edge rotations on surfaces]:
 
         kappa = 1/A sum over half-edges of  -s l omega m m^T + (w_k - w_j) sym(t m^T)"""
     frame = tangents(surface)
@@ -60,7 +60,7 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
+    D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
     K_b converges to Kirchhoff's plate on every mesh, from the soft side. The deflection of a plate of 16 x 16 cells is
     1.3 % (simply supported) to 8 % (clamped) too large."""
     B = curvatures(surface)
@@ -73,15 +73,14 @@ GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
 
 
 def moment_loads(surface: Surface) -> Floats:
-    """Return the moment equation of each face, (m, 3 hats, 3, 12), for unit moments (xx, yy, xy) on each hat function.
+    """Return the work (m, 3 hats, 3 moments, 12) of unit moments xx, yy, xy times each hat function lambda_a.
 
-    Columns: deflections w of the corners, bubbles of the half-edges, rotations and slopes of the half-edges. A row is
+    Columns: unit deflections w of the corners; unit bubbles, rotations and slopes of the half-edges. The work is
 
         integral of lambda_a M : hess w  -  sum over half-edges of  integral of lambda_a (m M m) (dw/dm + s theta)
 
     with m pointing out of the face [Hellan 1967; Herrmann 1967; Johnson 1973; Neunteufel and Schoeberl 2019, shells].
-    The rotation counts with the half-edge's sign s; the slope counts without a sign, because it is odd along the edge.
-    """
+    The rotation has the half-edge's sign s. The slope has no sign, because it is odd along the edge."""
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     across = np.einsum("mia,mca->mci", slope, outward)  # (faces, half-edge, corner): slopes of hats along m
@@ -105,9 +104,9 @@ def moment_loads(surface: Surface) -> Floats:
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
     """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
-    D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face.
-    The form is *decoupled*: the bubble along an edge's mean normal bends the faces, the other two bubbles stretch them.
-    If all three were coupled, coarse thin curved meshes would be far too stiff."""
+    D : (3, 3) matrix from curvatures to moments, N m; or (m, 3, 3), one for each face.
+    The form is *decoupled*: the bubble along an edge's mean normal bends the faces, the other two bubbles stretch
+    them. If all three were coupled, coarse thin curved meshes would be far too stiff."""
     rows = moment_loads(surface)
     normal, edge = surface.normals, surface.edges.of
     normal_share = np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], normal)
@@ -141,9 +140,10 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
     """Return K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
-    At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good
-    *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
-    plate moves by 0.56 (one diagonal) to 1.21 (crossed diagonals) of the exact value."""
+    At rest its Hessian is the sum of w g g^T, with g = grad theta and w = D l^2 / (A1 + A2): positive semidefinite on
+    curved sheets, too. The energy gives good *directions* of stress, but does not converge to Kirchhoff's plate on
+    general meshes. At 80 x 80 cells the centre of a clamped plate deflects by 0.56 (parallel diagonals) to 1.21
+    (crossed diagonals) of the exact value."""
     h = hinges(surface)
     gradients, weight = angle_gradients(surface, h)
     g = np.ascontiguousarray((gradients * np.sqrt(material.bending_stiffness(thickness) * weight)[:, None, None]).T)

@@ -1,7 +1,7 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-A moment is positive if the sheet curves towards its normal, as a bowl does, seen from the side that the normals point
-to. Then the side of the normals is compressed and the opposite side stretched."""
+A positive moment curves the sheet towards its normal, like a bowl whose normals point inwards. It compresses the side
+of the normals and stretches the opposite side."""
 
 import numpy as np
 
@@ -17,9 +17,9 @@ from dsfab.surface.mesh import Surface
 
 def facet_number(surface: Surface, thickness: float) -> float:
     """Return L^2 / (R h), the median over the edges: edge length times fold angle over the thickness.
-    A load on a flat face of a curved sheet bends it between its edges, as in a real polyhedron. For spheres under
-    pressure and `hhj`, the largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by
-    0.05 times the number, the energy by 1.1 times its square. `midedge` elements have no unknown for this effect."""
+    A load on a flat face of a curved sheet bends the face between its edges. For spheres under pressure and `hhj`, the
+    largest stress was too large by 0.8 to 0.9 times this number. A typical stress was wrong by 0.05 times the number,
+    the energy by 1.1 times the number's square. `midedge` has no unknown for this bending."""
     faces = surface.edges.pairs // 3
     if not len(faces):
         return 0.0
@@ -33,14 +33,14 @@ def face_moments(
 ) -> Floats:
     """Return moments per length (m, 3 corners, 3), (xx, yy, xy), newtons, at each face's corners in its tangent frame.
 
-    answer : solution by `elements`. A sheet that was solved in its plane (no bending) has no moments.
+    answer : solution by `elements`. A sheet that was solved in its plane has no moments.
 
     `midedge` : constant on each face. Means over faces are right to the order of the mesh width.
     `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
-    `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
-                the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
-                to 60 % (random triangles, and twist on squares halved by diagonals). Displacements also have errors
-                (see `hinge_blocks`). A free edge is no hinge, so its faces have too little moment."""
+    `hinge`   : constant, from the changed angles of the face's hinges, for pictures only. On a plate bent to a parabola
+                the mean over many faces is right to 2 %. Single faces scatter by 8 % (rows of staggered triangles) to
+                60 % (random triangles, and twist on squares halved by diagonals). Displacements also have errors (see
+                `hinge_blocks`). Faces at free edges have too small moments, because a free edge is not a hinge."""
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
     D = material.bending(thickness)
@@ -51,7 +51,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """Return the energy of each face (m,), J: half the energy of each of its hinges (`hinge_blocks`)."""
+    """Return the energy of each face (m,), J: half the energy of its hinges (`hinge_blocks`)."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])
@@ -65,7 +65,6 @@ def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m, that `bending.curvatures` defines, without its matrices."""
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)
@@ -74,9 +73,8 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
-    The normal at an edge is half way between the normals of its two faces, so each face takes half of the angle:
-    kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006]."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: kappa = 1/A sum over half-edges of  l theta / 2  m m^T.
+    Each face takes half of an edge's angle theta [Grinspun et al. 2006]."""
     length, _, out = half_edge_frames(surface)
     hinge, pairs = hinges(surface), surface.edges.pairs
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
@@ -90,18 +88,17 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r.
-    r is the work of unit moments on each hat: `dsfab.statics.bending.moment_loads` times the unknowns. That matrix has
-    108 numbers for each face and is not stored here."""
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, with J the matrix of ones.
+    r is the work of unit moments: `moment_loads` times the unknowns, without storing that matrix."""
     edge, unknowns = surface.edges.of, answer.on_edges
     length, _, outward = half_edge_frames(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), tangents(surface))
     after = np.roll(slope, -1, axis=1)
     w = _deflection(surface, answer)
     bubble = unknowns["normal"][edge] * np.einsum("mcx,mx->mc", edge_frames(surface)[edge, 2], surface.normals)
-    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # slope dw/dm of the corners' hats on each half-edge
+    tilt = np.einsum("mi,mia,mca->mc", w, slope, outward)  # dw/dm of the hats on each half-edge
     turn = half_edge_signs(surface) * unknowns["rotation"][edge]
-    # slopes of hats along m, for the slopes of the bubbles 4 phi_c phi_c+1, which are linear on each half-edge
+    # dw/dm of the bubbles 4 phi_c phi_c+1 is linear on each half-edge, and follows from the hats
     ahead, behind = (np.einsum("mia,mca->mci", g, outward) for g in (after, slope))  # (m, half-edge, bubble)
     bent = (8 / 3 * surface.areas[:, None, None] * voigt(slope, after) * bubble[:, :, None]).sum(axis=1)
     work = np.repeat(bent[:, None], 3, axis=1)

@@ -7,7 +7,7 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
-from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock
+from dsfab.core.arrays import Bools, Floats, Ints, first_few, lock_floats
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import FEW_VERTICES
 from dsfab.statics.elements import BUBBLES, Elements, edge_frames
@@ -33,7 +33,7 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
     fixed   : (n, 3) fixed directions of the vertices, by supports or because the sheet is solved in its plane. Springs
-              of `load` hold, too.
+              of `load` also count.
     clamped : (e,) edges that do not rotate."""
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -79,7 +79,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     """Return names of the rigid motions of `vertices` that neither fixed directions nor clamped edges prevent.
     Each motion is a shift or a rotation, and has the name of its largest component.
     clamped : (k, 2) ends of the edges that do not rotate; a rotation vector w turns an edge of direction t by w . t."""
-    at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (number of fixed freedoms, 6)
+    at_supports = rigid_motions(V[vertices])[fixed[vertices]]  # (fixed directions, 6)
     along = V[clamped[:, 1]] - V[clamped[:, 0]]
     along = along / np.linalg.norm(along, axis=1, keepdims=True)
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
@@ -112,8 +112,8 @@ def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: B
 
     A boundary edge is fixed in a direction if both ends are fixed in it. An inner edge is fixed if all corners of one
     of its faces are. Faces with two boundary edges do not count, because the boundary alone fixes their corners. Edges
-    of faces that are fixed in all directions do not rotate. A bubble is fixed if the squares of its components in fixed
-    directions are over half of their sum."""
+    of faces that are fixed in all directions do not rotate. A bubble in a direction d is fixed if the squares of
+    d's components in fixed directions sum to over 1/2."""
     faces, held_directions = held_faces(surface, fixed), held_middles(surface, fixed)
     no_rotation = np.zeros(len(held_directions), dtype=bool)
     no_rotation[surface.edges.of[faces.all(axis=1)]] = True
@@ -155,7 +155,7 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """Return edges (e,) that do not rotate; None if no support clamps edges."""
+    """Return the edges (e,) that do not rotate; None if no support clamps edges."""
     return load.clamped if len(load.clamped) else None
 
 
@@ -177,8 +177,7 @@ class SpreadLoad:
     edge: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "face", np.float64, (None, 3))
-        lock(self, "edge", np.float64, (None, 3))
+        lock_floats(self, face=(None, 3), edge=(None, 3))
 
     @classmethod
     def broadcast(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
@@ -196,8 +195,7 @@ class SpreadLoad:
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """Return forces (n, 3), N: a third of a face's force at each of its corners, half of an edge's force at each
-        end."""
+        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's at its ends."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
@@ -218,7 +216,7 @@ class SpreadLoad:
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
     """Return the part of `loads` that acts on faces and lines, without forces on picked vertices.
-    weight : of the sheet, newtons per square metre, as for `LoadCase.build`."""
+    weight : weight of the sheet, newtons per square metre, as for `LoadCase.build`."""
     face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
     for load in loads:
         if isinstance(load, Line):

@@ -21,15 +21,15 @@ BUBBLES = ("along", "across", "normal")
 
 @dataclass(frozen=True)
 class Elements:
-    """A choice of elements.
+    """Elements of a sheet, for membrane and bending.
 
-    membrane : `constant` strain (3 unknowns per vertex), `quadratic` (two more bubbles per edge), or `hybrid` (the
-               unknowns of `quadratic`, with stresses in equilibrium inside). Reports use the last two: constant strain
-               is 5 to 15 % too stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the
-               errors of `quadratic`, which is the common six-node triangle of other programs.
-    bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
-               (one rotation per edge; converges, from the soft side), `hhj` (two rotations and a bubble per edge; one
-               order more accurate, for reports), or None for a sheet that is solved in its plane."""
+    membrane : `constant` strain has 3 unknowns per vertex. `quadratic`, the common six-node triangle, has two more
+               bubbles per edge. `hybrid` has the unknowns of `quadratic`, with stresses in equilibrium inside, and a
+               third to a half of its errors. Reports use the last two: constant strain is 5 to 15 % too stiff for
+               slender parts that bend in their plane.
+    bending  : `hinge`, the paper's element, gives good directions, but does not converge on general meshes. `midedge`
+               has one rotation per edge and converges from the soft side. `hhj`, for reports, has two rotations and a
+               bubble per edge and is one order more accurate. None is for a sheet that is solved in its plane."""
 
     membrane: Membrane = "constant"
     bending: Bending | None = "hinge"
@@ -48,7 +48,7 @@ class Elements:
 
     @property
     def is_reported(self) -> bool:
-        """True if results of these elements may be reported; those of others are fit for directions or ranking only."""
+        """True if reports may show results of these elements; other elements serve for directions or ranking only."""
         return any(self in (pair, pair.in_plane) for pair in REPORTED)
 
     @property
@@ -64,7 +64,7 @@ class Elements:
         return bending + membrane + (("normal",) if self.bending == "hhj" else ())
 
     def unknowns(self, surface: Surface) -> int:
-        """Return the length of the vector of unknowns: 3 n displacements, then the edges' unknowns group by group."""
+        """Return the number of unknowns: 3 n displacements, then the edges' unknowns name by name."""
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
@@ -86,17 +86,10 @@ def half_edge_signs(surface: Surface) -> Floats:
 
 @derived
 def edge_frames(surface: Surface) -> Floats:
-    """Return unit vectors t, m, n (e, 3, 3) of each edge by rows, computed once: see `_computed_edge_frames`."""
-    frames = _computed_edge_frames(surface)
-    frames.flags.writeable = False
-    return frames
-
-
-def _computed_edge_frames(surface: Surface) -> Floats:
-    """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
-    n is the mean of both faces' normals, weighted by area. A normal that points to the other side is reversed first, so
+    """Return unit vectors t, m, n (e, 3, 3) of each edge: along it, across it in the sheet, and normal to the sheet. n
+    is the mean of both faces' normals, weighted by area. A normal that points to the other side is reversed first, so
     the order of corners does not matter. Such a mean fails for three faces on an edge, and for a fold over 145 degrees.
-    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T."""
+    Then n is the line nearest to all normals: the first eigenvector of sum A n n^T. The result is read-only."""
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
     t = t / np.linalg.norm(t, axis=1, keepdims=True)
@@ -115,12 +108,20 @@ def _computed_edge_frames(surface: Surface) -> Floats:
         tensors[undefined] += 0.01 * _outer(surface.normals[first_face], area_normal[first_face])
         n[undefined] = np.linalg.eigh(tensors[undefined])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
-    return np.stack([t, np.cross(n, t), n], axis=1)
+    frames = np.stack([t, np.cross(n, t), n], axis=1)
+    frames.flags.writeable = False
+    return frames
 
 
 def voigt(a: Floats, b: Floats) -> Floats:
     """Return the symmetric part (..., 3) of a b^T for a, b (..., 2), as (xx, yy, 2 xy)."""
     return np.stack([a[..., 0] * b[..., 0], a[..., 1] * b[..., 1], a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0]], -1)
+
+
+def tensor_matrices(planar: Floats) -> Floats:
+    """Return plane tensors (..., 3), as (xx, yy, xy), as symmetric matrices (..., 2, 2)."""
+    xx, yy, xy = np.moveaxis(planar, -1, 0)
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-2)
 
 
 def assemble_blocks(blocks: Floats, columns: Ints, size: int) -> csr_array:
@@ -152,15 +153,14 @@ Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "f
 """Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""Uses of elements that support reports without appearing in them."""
+"""Uses of elements for results that no report shows."""
 
 
 @dataclass(frozen=True)
 class Use:
     """The purpose of a pair of elements.
     pair      : the elements (without bending for a sheet that is solved in its plane).
-    tolerance : largest relative error on the finest mesh of a verification test; None if no report or test uses the
-                pair.
+    tolerance : largest accepted relative error on the finest mesh of a test; None if no report or test uses the pair.
     about     : the purpose in words."""
 
     pair: Elements
@@ -204,7 +204,7 @@ def tolerance_of(quantity: Quantity) -> float:
 
 
 NEEDLE = 0.02
-"""A triangle is a needle if its smallest height is less than this share of its longest edge: an angle of a degree."""
+"""A triangle is a needle if its smallest height is less than this share of its longest edge."""
 
 
 def _longest_edges(surface: Surface) -> Floats:

@@ -15,17 +15,15 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Relative residual above which dsfab refines solutions: a tenth of the accepted residual, because this number is also
-rounded."""
+"""Relative residual above which dsfab refines solutions: a tenth of `REPORTED_RESIDUAL`, as residuals are rounded."""
 
-REFINEMENTS = 6  # Largest number of refinement steps; two or three reach the precision of the numbers.
+REFINEMENTS = 6  # Largest number of refinement steps; two or three usually suffice.
 ROWS = 1 << 16
-"""Number of rows of a stiffness that are multiplied together in longer numbers; all rows would take three times the
-memory."""
+"""Rows of a stiffness in one product of high precision; a product of all rows would take three times the memory."""
 
 
 class LinearMap(Protocol):
-    """A matrix for `refined_solution`: it has products, and a copy in numbers of higher precision."""
+    """A matrix with products, and with a copy in another precision (`astype`)."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -82,7 +80,7 @@ class Factor:
 
 
 def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
-    """Factorise K (u, u) without fixed unknowns (u,) and without unknowns of no stiffness (vertices of no face).
+    """Factorise K (u, u) for the unknowns that move (`is_held` (u,) is false) and have stiffness.
     Raises StaticsError if the matrix is not positive definite."""
     diagonal = K.diagonal()
     free = np.flatnonzero(~is_held & (diagonal > 0))
@@ -94,7 +92,7 @@ def stiffness_factor(surface: Surface, K: csr_array, is_held: Bools) -> Factor:
     if K.shape[0] == 3 * surface.n:
         rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
     try:
-        # the matrix is freed before the factor takes its memory
+        # `factorise` calls `_restriction` and frees its matrix before the factor takes memory
         return Factor(K, free, scale, factorise(partial(_restriction, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(
@@ -137,10 +135,10 @@ def _restriction(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 def refined_solution(K: LinearMap, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
     """Return x with K x = b, b (N,) or (N, k), and its relative residual.
 
-    The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). Iterative refinement [Wilkinson 1963]
-    improves a solution above `ACCURATE`, with residuals in the longest floating-point numbers of the machine. Thin
-    sheets make K badly conditioned, so that a residual in double precision would be mostly rounding. x is rounded to
-    double after each step, and the residual is that of the returned x."""
+    The residual is measured in the norm of energy: sqrt(r . K^-1 r / b . x). If it is above `ACCURATE`, iterative
+    refinement [Wilkinson 1963] improves x, with residuals in the longest floating-point numbers of the machine. Thin
+    sheets make K badly conditioned, so that a residual in double precision would be mostly rounding. Each step rounds
+    x to double precision; the returned residual is that of the rounded x."""
     x = solve(b)
     r = b - K @ x
     error = _energy_share(r, solve(r), b, x)

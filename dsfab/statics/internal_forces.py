@@ -7,17 +7,18 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, lock, unit_vectors
+from dsfab.core.arrays import Floats, Ints, lock_floats, unit_vectors
 from dsfab.core.sparse import Factor, factorise
 from dsfab.statics.bending import half_edge_frames, moment_loads
-from dsfab.statics.elements import assemble_blocks, heights
+from dsfab.statics.elements import assemble_blocks, heights, tensor_matrices
 from dsfab.statics.stress import SMOOTH, SheetStress, principal_values, vertex_averages
 from dsfab.surface import Surface, hat_gradients, link_components, next_half_edge
 
 CROWDED = 0.25
-"""A face lower than this share of a typical size is a splinter of the cut. Moments have meaningless slopes in
-splinters: on a tower they gave 5000 instead of 120 kN/m. The load of a splinter is spread around it over this distance.
-A shorter distance removes less of these errors, a longer distance misses shear in ribs."""
+"""A face is a splinter of the cut if its height over the mean size of faces is below this ratio. Moments have
+meaningless slopes in splinters: on a tower, shear was 5000 instead of 120 kN/m. So the load of a splinter is spread
+over its surroundings, up to a distance of this ratio times the mean size. A shorter distance removes less of the
+error; a longer distance misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +38,10 @@ class ShearRecovery:
 
     @classmethod
     def for_surface(cls, surface: Surface, linear: bool = True) -> Self:
-        """Return the recovery for a surface. linear : true for moments that are linear on each face; then M is
-        quadratic."""
-        side_a, side_b = _smooth_pairs(surface)
+        """Return the recovery for a surface. linear : true if moments are linear on each face; then M is quadratic."""
+        side_a, side_b = surface.edges.pairs.T
+        lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
+        side_a, side_b = side_a[lean > SMOOTH], side_b[lean > SMOOTH]
         rim = np.ones(3 * surface.m)
         rim[side_a], rim[side_b] = 0.0, 0.0
         columns, sign = _shared_unknowns(surface, side_a, side_b)
@@ -57,8 +59,8 @@ class ShearRecovery:
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
         """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
-        moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
-        twist   : moments (m, 3 corners, 3); their twist m_nt acts on free edges and folds."""
+        moments : (m, 3 corners, 3) of the elements, in `SheetStress.frame`, N.
+        twist   : (m, 3 corners, 3) moments, whose twist m_nt acts on free edges and folds."""
         nodes = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
         if nodes == 6:  # from hats and bubbles to shape functions that are 1 at a single node
@@ -77,12 +79,6 @@ class ShearRecovery:
         )
         mean = (begin + end) / 2
         return np.concatenate([np.roll(mean, 1, axis=1) - mean, 2 / 3 * (begin - end)], axis=1)
-
-
-def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
-    side_a, side_b = surface.edges.pairs.T
-    lean = np.abs(np.einsum("ix,ix->i", surface.normals[side_a // 3], surface.normals[side_b // 3]))
-    return side_a[lean > SMOOTH], side_b[lean > SMOOTH]
 
 
 def _shared_unknowns(surface: Surface, side_a: Ints, side_b: Ints) -> tuple[Ints, Floats]:
@@ -117,7 +113,7 @@ def _gradient_stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread_matrix(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """Return `ShearRecovery.spread`. Unknowns on splinters give their load to neighbours, in proportion to the area."""
+    """Return `ShearRecovery.spread`. Unknowns on splinters give their load to neighbours, in proportion to areas."""
     size, nodes = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if nodes == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -147,13 +143,14 @@ CONVENTION = (
     "of, positive q_x acts against the normal",
     "a free edge carries a line force as large as m_xy there besides (Kirchhoff): a sum over a section needs both",
 )
-"""Definitions of the numbers, for the first lines of files."""
+"""Definitions of the components, for the first lines of files."""
 
 
 class PrincipalForces(NamedTuple):
     """Principal values and directions of forces or moments.
-    values : (m, 2), the algebraically larger first. angle : (m,) degrees from local x to the first direction, towards
-    local y, from -90 to 90. direction : (m, 3) unit vectors of the first direction; the second is normal x first."""
+    values    : (m, 2), the algebraically larger first.
+    angle     : (m,) degrees from local x to the first direction, towards local y, from -90 to 90.
+    direction : (m, 3) unit vectors of the first direction; the second direction is normal x first."""
 
     values: Floats
     angle: Floats
@@ -179,11 +176,9 @@ class SectionForces:
     corner_moments: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "frame", np.float64, (None, 2, 3))
-        for name in ("corners", "corner_moments"):
-            lock(self, name, np.float64, (len(self.frame), 3, 3))
-        for name, width in (("n", 3), ("m", 3), ("q", 2)):
-            lock(self, name, np.float64, (len(self.frame), width))
+        lock_floats(self, frame=(None, 2, 3))
+        m = len(self.frame)
+        lock_floats(self, n=(m, 3), m=(m, 3), q=(m, 2), corners=(m, 3, 3), corner_moments=(m, 3, 3))
 
     def principal(self, name: str) -> PrincipalForces:
         """Return principal values and directions of `n` or of `m` [Mohr 1882]."""
@@ -197,15 +192,13 @@ def section_forces(
 ) -> SectionForces:
     """Return n, m and q of a sheet from its stress. thickness : metres.
 
-    recovery : made for the same surface and the same kind of bending; many cases share it.
+    recovery : for the same surface and kind of bending; several cases can share it.
 
     n is the thickness times the mean stress of each face in the middle surface. m is the mean of moments that are
-    averaged around each vertex. This averaging removes the bending of each flat face of a curved sheet under its own
-    load.
+    averaged around each vertex. The average removes the bending of flat faces of a curved sheet under their own load.
 
-    q balances the moments. For Navier's plate its errors fall as h^1.5, to 0.3 % of all shear at 32 cells; slopes of
-    moments had 1.7 %. Sums over sections of cut sheets are right to 0.1 %, or to 2.5 % for ribs narrower than a face.
-    """
+    q balances the moments. For Navier's plate the errors of q fall as h^1.5 with the mesh width h, to 0.3 % at 32
+    cells; slopes of moments have 1.7 %. Sums over sections of cut sheets are right to 0.1 %, in thin ribs to 2.5 %."""
     stress_frame, scale = stress.frame, thickness**2 / 6
     moments = scale * vertex_averages(surface, stress_frame, stress.bending, sided=True)
     across = np.zeros((surface.m, 3))
@@ -234,10 +227,5 @@ def local_frames(surface: Surface) -> Floats:
 
 
 def _rotated_tensors(plane: Floats, rotation: Floats) -> Floats:
-    xx, yy, xy = plane.T
-    full = (
-        rotation
-        @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
-        @ rotation.transpose(0, 2, 1)
-    )
+    full = rotation @ tensor_matrices(plane) @ rotation.transpose(0, 2, 1)
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

@@ -19,12 +19,12 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. A full space does
-not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three rigid
-motions); degrees 2 and 3 give seven. Two functions of degree 4 would suffice, but the pair r^2 (x^2 - y^2), r^2 x y
-lets a right isosceles triangle collapse. With the second pair the weakest strain of the triangle keeps 0.19 of the
-energy of the quadratic element, with all four functions 0.22. r^4 without compatibility would be a fifth function, but
-it changes no reported digit."""
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4. A full space
+does not depend on the numbering of corners. An element needs nine stresses (twelve edge displacements less three rigid
+motions), and degrees 2 and 3 give seven. Two functions of degree 4 would suffice. But with r^2 (x^2 - y^2) and r^2 x y
+alone, a right isosceles triangle has a strain without energy. With the second pair alone its weakest strain has 0.19
+of the energy in the quadratic element, with all four functions 0.22. The function r^4, which violates compatibility,
+would change no reported digit."""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
@@ -69,10 +69,9 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), of each face that is nearest to its quadratic stress.
-    strain : (m, 3 corners, 3) of the quadratic triangle.
-    The linear stress has the same mean as the quadratic stress, and the same energy: half the mean product of linear
-    stress and strain. It is more accurate than the quadratic stress at the edge of a hole."""
+    """Return the linear stress (m, 3 corners, 3), (xx, yy, xy), with the mean and the energy of the quadratic stress
+    in each `hybrid` face. strain : (m, 3 corners, 3) of the quadratic triangle.
+    The linear stress is more accurate than the quadratic stress at the edge of a hole."""
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(INVERSE_MASS @ work / surface.areas[:, None, None])
 
@@ -84,7 +83,7 @@ def membrane_stiffness(
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact). Its edge bubbles
     move only within the sheet, so flat triangles that meet at an angle stay closed without drilling unknowns.
-    `hybrid`: `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`); never stiffer."""
+    `hybrid`: softer; `quadratic` on the edges, with stresses in equilibrium inside (`hybrid_rigidity`)."""
     if elements.membrane == "quadratic":
         return _quadratic(surface, material.membrane(law) * thickness, elements)
     if elements.membrane == "hybrid":
@@ -96,14 +95,14 @@ def membrane_stiffness(
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
     """Return the stiffness of constant-strain triangles, C (3, 3) N/m, as blocks on vertex pairs.
 
-    The pairs are those of edges, or of hinges if `elements` have hinges.
-    Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
+    The pairs are those of edges, or of hinges if `elements` have hinges. For corners with hat gradients g and f, and
+    the projector P onto the face, an isotropic C gives the block
 
     A (lam g f^T + mu f g^T + mu (g . f) P)"""
     pairs = vertex_pairs(surface, hinges(surface) if elements.bending == "hinge" else None)
     lam, mu = C[0, 1], C[2, 2]
     face = surface.F.T
-    across = _doubled_area_gradients(surface)  # gradients times twice the area
+    across = _doubled_area_gradients(surface)
     ascending = (face < np.roll(face, -1, axis=0)).ravel()
     u, v = (x.transpose(1, 0, 2).reshape(3, -1) for x in (across, np.roll(across, -1, axis=0)))
     u, v = ascending_pairs(u, v, ascending)
@@ -137,8 +136,8 @@ def _doubled_area_gradients(surface: Surface) -> Floats:
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
     """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
 
-    The paper's F = (x1 x2 x3) phi + n n_bar^T, linearised at rest: the normal's change cancels the transverse shear, so
-    the strain is that of the constant-strain triangle in the face's tangent frame [Turner et al. 1956].
+    The strain is that of the constant-strain triangle [Turner et al. 1956]. The paper's F = (x1 x2 x3) phi + n
+    n_bar^T, linearised at rest, has this strain, because the change of the normal cancels the transverse shear.
 
     u : (n, 3) displacements, metres.  bubbles : (e, 2) edge bubbles along t and m, metres, of `quadratic`."""
     t = tangents(surface)
@@ -172,7 +171,7 @@ def bubble_strains(surface: Surface, weights: Floats) -> Floats:
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # B^T C B is R^T R, and one product of 9 x 15 per face serves all three quadrature points
+    # with C = L L^T and R = L^T B, one product R^T R per face serves all three quadrature points
     B = _point_strains(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R

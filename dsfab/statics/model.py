@@ -54,7 +54,7 @@ class Material:
 @dataclass(frozen=True, eq=False)
 class SheetModel:
     """A thin elastic sheet. surface : its middle surface. thickness : metres. law : see `Material.membrane`.
-    clamped : (e,) edges about which the sheet cannot rotate, besides those of a load's supports; None without any."""
+    clamped : (e,) edges that do not rotate, besides those that a load's supports clamp; None if there are none."""
 
     surface: Surface
     material: Material

@@ -7,7 +7,7 @@ from scipy.linalg import eigh
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, lock_floats
 from dsfab.core.errors import StaticsError
 from dsfab.statics.bending import curvatures
 from dsfab.statics.boundary_conditions import all_clamped, require_held, with_springs
@@ -35,7 +35,7 @@ UPRIGHT = f"{HELD_ACROSS}, and supported edges not to turn: on hinges it would f
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """Supports for vibration and buckling. load : with these supports. told : assumptions in words, or ''."""
+    """Supports for vibration and buckling. load : the load with these supports. told : assumptions in words, or ''."""
 
     load: LoadCase
     told: str = ""
@@ -45,9 +45,8 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
     """Return the supports of a sheet that vibrates and buckles: its own supports, unless it is solved in its plane.
 
     Supports of a sheet loaded in its plane mostly leave it free to fall over. So its supported vertices, also those on
-    springs, are fixed across the plane, too. If the sheet could still rotate about a line
-    through them, as a wall on its base, the free edges between them are clamped. A support along an edge thus holds the
-    sheet upright.
+    springs, are fixed across the plane, too. If the sheet could still rotate about a line through them, as a wall on
+    its base, the free edges between them are clamped. A support along an edge thus holds the sheet upright.
 
     plane : true if the sheet is solved in its plane; by default this follows from the load."""
     axis = flat_axis(surface, load)
@@ -76,37 +75,34 @@ VOIGT = np.array([[[1, 0], [0, 0]], [[0, 0], [0, 1]], [[0, 0.5], [0.5, 0]]])
 """Symmetric matrices of unit curvatures (xx, yy, 2 xy)."""
 
 MODE_RESIDUAL = 1e-3
-"""Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative error of
-the mode [Parlett 1980, 4.5]. Rounding alone gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness;
-its square is nearer to the true error."""
+"""Largest accepted relative residual of a mode, in the norm of the stiffness. The residual bounds the relative
+error of the mode's factor [Parlett 1980, 4.5]; the square of the residual is nearer to the true error. Rounding alone
+gives 6e-4 on a cut saddle whose shortest edge is 1/1500 of its thickness."""
 
-
-INDEPENDENT = 1e-6  # Least share of the energy of a unit vector that is not in the span of other unit vectors.
+INDEPENDENT = 1e-6  # Combinations of vectors of energy 1 that have less energy than this are rounding errors.
 
 
 @dataclass(frozen=True, eq=False)
 class Vibration:
-    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), each with maximum 1."""
+    """Free vibrations. hertz : (k,) natural frequencies, ascending. shapes : (k, n, 3), with largest displacement 1."""
 
     hertz: Floats
     shapes: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "hertz", np.float64, (None,))
-        lock(self, "shapes", np.float64, (len(self.hertz), None, 3))
+        lock_floats(self, hertz=(None,), shapes=(len(self.hertz), None, 3))
 
 
 @dataclass(frozen=True, eq=False)
 class Buckling:
-    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3) displacements, each with
-    maximum 1. A sheet with few compressed parts has fewer factors than requested, or none."""
+    """Linear buckling. factor : (k,) load factors at buckling, ascending. shapes : (k, n, 3), with largest
+    displacement 1. A sheet with few compressed parts has fewer factors than requested, or none."""
 
     factor: Floats
     shapes: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "factor", np.float64, (None,))
-        lock(self, "shapes", np.float64, (len(self.factor), None, 3))
+        lock_floats(self, factor=(None,), shapes=(len(self.factor), None, 3))
 
 
 def frequencies(
@@ -148,11 +144,11 @@ def buckling(
 ) -> Buckling:
     """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
-    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, supported as in
-             `load`. Loads keep their direction (a pressure does not rotate with the sheet), and displacements before
-             buckling do not count. Real thin shells buckle well below this factor, cylinders under axial load at a
-             fifth to a half [Koiter 1945; NASA SP-8007].
-    elements : `midedge` has local modes of its own beside needles, so cut sheets need the default.
+    answer   : equilibrium under `load`, by any elements. Its membrane stress loads the sheet, on the supports of
+               `load`. Loads keep their direction: a pressure does not rotate with the sheet. Displacements before
+               buckling do not count. Real thin shells buckle well below the factor, cylinders under axial load at a
+               fifth to a half of it [Koiter 1945; NASA SP-8007].
+    elements : `midedge` has false local modes beside needles, so cut sheets need the default.
     K, factor_of : (u, u), as for `frequencies`.
     Raises StaticsError for mechanisms, and if the modes do not converge."""
     surface = sheet.surface
@@ -168,15 +164,14 @@ def buckling(
 
 
 LOCAL_SHARE = 0.02
-"""A mode is local if it moves less than this share of the sheet's area: a bay or a loose end. The lowest modes of whole
-structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
-MODES_BESIDE_LOCAL = 6  # number of modes among which the first that is not local is sought
+"""A mode is local if it moves less than this share of the sheet's area, such as a bay or a loose end. The lowest
+modes of whole structures move 8 % (a dome under a load at one point) to 70 % (a vault)."""
+MODES_BESIDE_LOCAL = 6  # number of modes to compute if the first is local
 
 
 def moved_share(surface: Surface, shapes: Floats) -> Floats:
     """Return the share (k,) of the area that each shape (k, n, 3) moves: (integral of u^2)^2 / (A integral of u^4).
-    A shape that moves a part of the sheet evenly has the share of this part [participation ratio, Bell and Dean 1970].
-    """
+    The share is exact for an evenly moved part of the sheet [participation ratio, Bell and Dean 1970]."""
     squares = (shapes**2).sum(axis=2)
     area = surface.vertex_areas
     return np.asarray((squares @ area) ** 2 / (area.sum() * (squares**2 @ area)))
@@ -190,7 +185,7 @@ def lowest_buckling(
     K: csr_array | None = None,
     factor_of: FactorFunction | None = None,
 ) -> tuple[float | None, str]:
-    """Return the lowest factor of `buckling`, None without one, and a clause about its mode if that is local, or ''.
+    """Return the lowest factor of `buckling`, or None, and a clause about its mode if the mode is local, or ''.
     The clause names the place of the mode and the factor of the first mode that is not local."""
     factors = factor_of or FactorCache()
     K = sheet_stiffness(sheet, elements) if K is None else K
@@ -234,8 +229,9 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
     A stress may only load slopes that the elements resist; otherwise a single needle buckles alone. The slope of a
     quadratic bubble on the short edge of a needle is 1 / (short edge), and neither `hybrid` nor `hhj` resists it. So a
-    face has the mean gradient of hats and, for `hhj`, of normal bubbles, plus the constant curvature of the edges'
-    rotations [Morley 1968] times the distance from the centroid. The factor of a plate keeps its fourth order."""
+    face has the mean gradient of hats and, for `hhj`, of normal bubbles. To these gradients it adds the constant
+    curvature of the edges' rotations [Morley 1968] times the distance from the centroid. The factor of a plate still
+    converges with the fourth order."""
     slopes, columns = _slopes(surface, elements)
     blocks = np.einsum("majx,mab,mbjy->mxy", slopes, _in_faces(surface, resultant), slopes, optimize=True)
     return assemble_blocks(blocks, columns, elements.unknowns(surface))
@@ -256,9 +252,9 @@ def _in_faces(surface: Surface, resultant: Floats) -> Floats:
 
 
 def _slopes(surface: Surface, elements: Elements) -> tuple[Floats, Ints]:
-    """Return slopes (m, 2, 5, c) along both tangents of each face, and the unknowns (m, c) that cause them, such that
-    K_g is the sum of slope . N slope. They are the mean slopes of x, y and z, and those of the normal by its curvature
-    at two places; times the square root of the area."""
+    """Return slopes (m, 2, 5, c) of each face along both tangents per unit unknown, and its unknowns (m, c).
+    K_g is the sum of slope . N slope. The slopes are the means of x, y and z, and those of the normal by its curvature
+    at two points of an exact quadrature; all times the square root of the area."""
     names = ("normal", "rotation") if elements.bending == "hhj" else ()
     mean = _mean_gradients(surface, names) * np.sqrt(surface.areas)[:, None, None, None]
     slopes = np.concatenate([mean, np.zeros((surface.m, 2, 2, mean.shape[3]))], axis=2)
@@ -297,10 +293,8 @@ def _supported_modes(
     count: int,
     factor_of: FactorFunction,
 ) -> tuple[Floats, Floats]:
-    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3). The
-    method is Lanczos on K^-1 A with the inner product of K [Lehoucq et al. 1998, ARPACK]. K is positive on supported
-    sheets, A may be anything, and only the factor of K is necessary. As in `equilibrium`, the diagonal of K scales the
-    unknowns."""
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
+    Lanczos on K^-1 A with the inner product of K needs the factor of K only [Lehoucq et al. 1998, ARPACK]."""
     is_held = held_unknowns(surface, [load], elements, plane=False)
     mu, x = largest_eigenpairs(A, factor_of(surface, with_springs(K, load), is_held), count)
     return mu, _normalised_shapes(x[:, : 3 * surface.n].reshape(-1, surface.n, 3))
@@ -308,8 +302,8 @@ def _supported_modes(
 
 def largest_eigenpairs(A: csr_array, factor: Factor, count: int, are_results: bool = True) -> tuple[Floats, Floats]:
     """Return the largest positive mu (k,) of A x = mu K x, descending, and x (k, u), for the factor of K.
-    are_results : False for vectors that only span a basis, which may have the residual `MODE_RESIDUAL`. More exact
-                  ones take twice the time, and beside needles they are rounding errors.
+    are_results : False for vectors that only span a basis, with residuals up to `MODE_RESIDUAL`. More exact vectors
+                  take twice the time, and beside needles they are rounding errors.
     Raises StaticsError if the modes do not converge, or if results are not accurate."""
     N = len(factor.free)
     if not 1 <= count < N:
@@ -345,9 +339,9 @@ def _accurate_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) ->
 
 
 def _refined_eigenpairs(A: LinearMap, factor: Factor, mu: Floats, x: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return eigenvalues (k,), vectors, and the last change of each eigenvalue, by the method of Davidson [1975].
-    Its solutions are refined. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu
-    and hides the residual of even an exact vector. Eigenvalues still converge: their error is the vector's, squared."""
+    """Return eigenvalues (k,), vectors (N, k) and the last changes (k,) of the eigenvalues, by Davidson's method
+    [1975]. If an edge is a ten-thousandth of the thickness, rounding makes Lanczos lose 2 % of mu, and even an exact
+    vector has a large residual. The eigenvalues still converge, because their error is the vector's squared."""
     K, change = factor.map.astype(np.longdouble), np.full(len(mu), np.inf)
     Kx = (K @ x).astype(np.float64)
     for _ in range(REFINEMENTS):

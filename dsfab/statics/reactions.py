@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.arrays import Bools, Floats, lock_floats
 from dsfab.statics.boundary_conditions import spread_load
 from dsfab.statics.solve import Equilibrium
 from dsfab.surface import Load, load_names, support_names
@@ -15,14 +15,13 @@ from dsfab.surface.mesh import Surface
 
 @dataclass(frozen=True, eq=False)
 class Resultant:
-    """Resultant. force : (3,) sum of forces, newtons. moment : (3,) sum of moments about the origin, newton metres."""
+    """Sum of forces. force : (3,) newtons. moment : (3,) sum of the moments about the origin, newton metres."""
 
     force: Floats
     moment: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "force", np.float64, (3,))
-        lock(self, "moment", np.float64, (3,))
+        lock_floats(self, force=(3,), moment=(3,))
 
 
 def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
@@ -36,9 +35,9 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques. An edge's torque
-    goes to the supports that clamp the edge. If none does, and yet the edge cannot rotate, it goes to the supports of
-    its ends. All supports together balance the loads, unless edges are clamped in another way."""
+    """Return the resultant of each support's forces and torques on the sheet.
+    The torque of an edge goes to the supports that clamp the edge, or else to the supports of its ends. All supports
+    together balance the loads, unless the sheet itself has clamped edges (`SheetModel.clamped`)."""
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed_directions(surface) for support in supports])  # (s, n, 3)
     torques = np.zeros((len(supports), 0))
@@ -68,11 +67,11 @@ class SupportEntry:
     """A support and its reactions.
 
     vertices : number of vertices that it supports.       place : (3,) mean of these vertices, metres.
-    length   : metres of edges along it: free edges, and the edges of a line within the sheet. 0 for points.
+    length   : metres of supported edges: boundary edges, or the edges of a line within the sheet; 0 for points.
     area     : m2 of the faces with all corners supported.
-    holds    : 'xyz', 'z, clamped', 'spring xy'.
+    holds    : fixed directions, springs and clamping, such as 'xyz', 'z, clamped' or 'spring xy'.
     reaction : for each case, (3,) newtons on the sheet.
-    share    : for each case, its share of the sum of all reactions' magnitudes at the vertices; 0 to 1."""
+    share    : for each case, the sum of its forces' magnitudes over that of all supports, 0 to 1."""
 
     name: str
     vertices: int
@@ -84,13 +83,13 @@ class SupportEntry:
     share: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        lock(self, "place", np.float64, (3,))
+        lock_floats(self, place=(3,))
 
 
 @dataclass(frozen=True, eq=False)
 class LoadEntry:
-    """A load and its resultant. force : (3,) its resultant, newtons. total : the sum of the magnitudes of its forces,
-    newtons. area : m2 of the faces that it acts on. length : metres of edges. vertices : number of loaded vertices."""
+    """A load and its resultant. force : (3,) sum of its forces, N. total : sum of the magnitudes of its forces, N.
+    area : m2 of the loaded faces. length : metres of the loaded edges. vertices : number of loaded vertices."""
 
     name: str
     kind: str
@@ -102,7 +101,7 @@ class LoadEntry:
     vertices: int
 
     def __post_init__(self) -> None:
-        lock(self, "force", np.float64, (3,))
+        lock_floats(self, force=(3,))
 
 
 def support_entries(
@@ -130,8 +129,8 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """Return number and mean of picked vertices (n,), metres of edges along them and m2 of faces among them. An edge
-    within the sheet counts if none of its faces has three picked corners: then the pick is a line, not a region."""
+    """Return number and mean of picked vertices (n,), metres of edges along them, and m2 of faces among them.
+    An edge within the sheet counts if none of its faces has three picked corners: the pick is then a line."""
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
     inner[edges.of[faces]] = True
@@ -147,8 +146,8 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Return each load by itself, without the factors of combinations. weight : of the sheet, newtons per square metre,
-    as for `LoadCase.build`. Raises SurfaceError for loads without an effect."""
+    """Return each load by itself, without the factors of combinations. Raises SurfaceError for loads without an effect.
+    weight : weight of the sheet, newtons per square metre, as for `LoadCase.build`."""
     entries = []
     for name, load in zip(load_names(loads), loads, strict=True):
         force, spread = load.forces(surface, weight), spread_load(surface, [load], weight)

@@ -39,8 +39,7 @@ class ResultRequest:
         return self.frequencies + self.buckling
 
     def elements_for(self, elements: Elements) -> Elements:
-        """Return the elements for the results: the given ones if they are verified (`REPORTED`), else those for stress.
-        Without a request, the given elements also compute stress and energy."""
+        """Return `elements` if they are in `REPORTED` or if nothing is requested; else the elements for stress."""
         return elements_of("stress") if self and elements not in REPORTED else elements
 
     def factor_for(self, elements: Elements) -> FactorFunction:
@@ -53,7 +52,7 @@ class Answers:
     """Results of a sheet under one load.
 
     elements    : elements that solved the sheet (without bending if it was solved in its plane).
-    equilibrium : solution by these elements: the design's own solution if it has the same elements.
+    equilibrium : solution by these elements; the design's own solution if the design has the same elements.
     stress      : stress and energy, see `SheetStress`.
     vibration, buckling : None without a request or without a result.
     refusals    : reasons for missing results, one sentence each.
@@ -93,12 +92,12 @@ def sheet_answers(
 ) -> Answers:
     """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements give
-                    the results, or if a sheet solved in its plane must bend to vibrate or buckle.
+    stiffness     : function that returns K over the unknowns of any elements. It is called only if other elements than
+                    the case's give the results, or if a sheet solved in its plane must bend to vibrate or buckle.
     other_factors : function for all further factorisations; a `FactorCache` of two serves loads on the same supports.
 
-    Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the results
-    cannot solve the sheet. Modes that do not converge give a refusal in the result."""
+    Vibration counts the mass of the sheet alone, without its loads. Raises StaticsError if the elements for the
+    results cannot solve the sheet. Modes that do not converge give a refusal in the result."""
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
     other_factors = other_factors or FactorCache(2)

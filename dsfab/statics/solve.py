@@ -8,7 +8,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, lock, read_only_copy
+from dsfab.core.arrays import Bools, Floats, lock_floats, read_only_copy
 from dsfab.core.errors import StaticsError
 from dsfab.core.limits import BALANCE, RESIDUAL
 from dsfab.statics.boundary_conditions import (
@@ -33,10 +33,10 @@ class Equilibrium:
     u          : (n, 3) displacements, metres.
     reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); a stiffer sheet has a smaller compliance.
-    imbalance  : largest component of the sum of loads and reactions (and of their moments over the size), relative to
-                 the sum of the loads' magnitudes.
-    residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u). It is the relative
-                 rounding error of u in that norm, and a bound on that of the compliance.
+    imbalance  : largest component of the sum of loads and reactions, and of the sum of their moments over the size of
+                 the surface; divided by the sum of the loads' magnitudes.
+    residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative rounding
+                 error of u in that norm. It bounds the relative error of the compliance.
     on_edges   : for each name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and
                  `normal` bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
     torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
@@ -53,9 +53,7 @@ class Equilibrium:
     elements: Elements = PAPER
 
     def __post_init__(self) -> None:
-        lock(self, "u", np.float64, (None, 3))
-        lock(self, "reaction", np.float64, (len(self.u), 3))
-        lock(self, "torque", np.float64, (None,))
+        lock_floats(self, u=(None, 3), reaction=(len(self.u), 3), torque=(None,))
         edges = {name: read_only_copy(values, np.float64, (None,)) for name, values in self.on_edges.items()}
         object.__setattr__(self, "on_edges", MappingProxyType(edges))
 
@@ -93,9 +91,8 @@ def equilibrium(
 
     K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then of the
                edges.
-    elements : the pair of K (without bending for a sheet solved in its plane).
-    spread   : the part of the load on faces and edges, which bubbles also carry; `load` already has its share on
-               vertices.
+    elements : elements of K (without bending for a sheet solved in its plane).
+    spread   : part of the load on faces and edges, for the forces on bubbles; `load` has all forces on vertices.
     factor_of : function that factorises: `stiffness_factor`, or a `FactorCache` for repeated use.
     Raises StaticsError if the supports leave a motion free, if a load acts on a vertex without faces, if edges without
     rotations are clamped, or if the solution does not balance the loads."""
@@ -113,8 +110,8 @@ def equilibria(
 ) -> tuple[Equilibrium, ...]:
     """Return the `equilibrium` of each load on the same supports, then of combinations, from one factorisation.
     K    : (u, u), see `equilibrium`.
-    sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
-           that follows from the residuals of its parts.
+    sums : for each combination, the factors of the k loads. A combination is a sum of solutions; the residuals of its
+           parts bound its residual.
     Raises StaticsError as `equilibrium`, and for loads on different supports."""
     _require_same_supports(loads)
     is_held = held_unknowns(surface, loads, elements)
@@ -163,7 +160,7 @@ def held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Element
 def equilibrium_of_unknowns(
     surface: Surface, load: LoadCase, elements: Elements, unbalanced: Floats, x: Floats, is_held: Bools
 ) -> Equilibrium:
-    """Return the equilibrium of unknowns x (u,), with the compliance and the residual 0.
+    """Return the equilibrium of unknowns x (u,), with compliance and residual set to 0.
 
     unbalanced : (u,) K x - f, with K without springs: the forces of all supports, rigid supports and springs."""
     corners, edges = np.split(x, [3 * surface.n])

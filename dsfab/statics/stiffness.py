@@ -8,16 +8,15 @@ from typing import Self
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import StaticsError
 from dsfab.core.sparse import Factor, NotPositiveDefinite, factorise
 from dsfab.statics.assembly import matrix_sum
 from dsfab.statics.bending import bending_stiffness, curvatures, hinge_blocks
-from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_held, require_loads_on_faces
 from dsfab.statics.elements import PAPER, Elements, elements_of
 from dsfab.statics.membrane import constant_blocks, corner_strains, membrane_stiffness
 from dsfab.statics.model import Law, Material, SheetModel
-from dsfab.statics.solve import flat_axis
+from dsfab.statics.solve import flat_axis, held_unknowns
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
@@ -26,8 +25,8 @@ Row = Callable[[str], AbstractContextManager[object]]
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
     """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
-    row : opens the timing rows "membrane", then "bending". Both of the paper's elements use the same vertex pairs:
-          their blocks are added, and the time of the resulting matrix counts as bending."""
+    row : opens the timing rows "membrane", then "bending". The paper's elements share vertex pairs and are added block
+          by block; the time of the final matrix counts as bending."""
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
         with row("membrane"):
@@ -44,12 +43,12 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 
 @dataclass(frozen=True, eq=False)
 class FaceStiffness:
-    """K = sum over the faces of s_f K_f on the free unknowns. The elements have constant strain and mid-edge bending;
-    a sheet in its plane does not bend.
-    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is fixed.
-    places : (nnz, m) matrix from factors s (m,) to the nonzero values of K.     indices, indptr : K's sparse pattern.
-    springs : (nnz,) values of the supports' springs.    points, node : points, and the point of each free unknown.
-    force  : (count, k) newtons, of each load."""
+    """K = sum over the faces of s_f K_f on the free unknowns. The elements have constant strain and mid-edge bending,
+    or no bending in a sheet that is solved in its plane.
+    blocks  : (m, c, c) K_f, N/m.            unknown : (m, c) the free unknown of each row, `count` if it is fixed.
+    places  : (nnz, m) matrix from factors s (m,) to the nonzero values of K.    indices, indptr : K's sparse pattern.
+    springs : (nnz,) stiffness of supports.  points, node : points, and the point of each free unknown.
+    force   : (count, k) newtons, of each load."""
 
     blocks: Floats
     unknown: Ints
@@ -69,9 +68,8 @@ class FaceStiffness:
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
         elements = elements if axis is None else elements.in_plane
-        is_held = _held_unknowns(surface, loads, elements, axis)
         blocks, columns = face_blocks(surface, sheet.material, sheet.thickness, sheet.law, elements)
-        free = ~is_held
+        free = ~held_unknowns(surface, loads, elements)
         touched = np.zeros(len(free), dtype=bool)
         touched[columns] = True
         numbers = np.flatnonzero(free & touched)
@@ -96,9 +94,8 @@ class FaceStiffness:
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """Return the factor of K for factors `scale` (m,) on faces.
-        earlier : a factor of the same pattern; its analysis is used again, which saves time. Raises StaticsError for a
-                  mechanism."""
+        """Return the factor of K for factors `scale` (m,) on faces. Raises StaticsError for a mechanism.
+        earlier : a factor of the same pattern; its analysis is used again, which saves time."""
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
@@ -129,20 +126,6 @@ def face_blocks(
         B = curvatures(surface)
         blocks += B.transpose(0, 2, 1) @ (material.bending(thickness) @ B) * areas
     return blocks, columns
-
-
-def _held_unknowns(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
-    fixed = loads[0].fixed.copy()
-    if axis is not None:
-        fixed[:, axis] = True
-    turning = all_clamped(loads[0]) if elements.bending else None
-    require_held(surface, loads[0], fixed, turning)
-    for load in loads:
-        require_loads_on_faces(surface, load)
-    is_held = fixed.ravel()
-    if elements.on_edges:
-        is_held = np.concatenate([is_held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
-    return np.asarray(is_held)
 
 
 def _sparse_pattern(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:

@@ -7,10 +7,10 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.core.arrays import Floats, lock
+from dsfab.core.arrays import Floats, lock, lock_floats
 from dsfab.core.errors import StaticsError
 from dsfab.statics.bending_moments import face_moments, hinge_energy
-from dsfab.statics.elements import Elements, edge_frames, voigt
+from dsfab.statics.elements import Elements, edge_frames, tensor_matrices, voigt
 from dsfab.statics.membrane import hybrid_stress, mean_strain
 from dsfab.statics.model import Law, Material, SheetModel
 from dsfab.statics.solve import Equilibrium
@@ -22,17 +22,14 @@ def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
     """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
-    bubbles : (e, 2) metres, `Equilibrium.bubbles`. With bubbles the result is the mean on each face of the linear
-              stress of `quadratic` elements; None for constant strain."""
+    bubbles : (e, 2) `Equilibrium.bubbles`, metres; the result is then the mean of each face's linear stress."""
     return tensors_in_space(surface, mean_strain(surface, u, bubbles) @ material.membrane(law).T)
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
     """Return symmetric tensors (m, 3, 3) of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
-    xx, yy, xy = planar.T
-    in_frame = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)
-    return np.asarray(t.transpose(0, 2, 1) @ in_frame @ t)
+    return np.asarray(t.transpose(0, 2, 1) @ tensor_matrices(planar) @ t)
 
 
 def von_mises(sigma: Floats) -> Floats:
@@ -65,8 +62,7 @@ def membrane_stresses(surface: Surface, material: Material, law: Law, elements: 
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Cosine of 30 degrees: a face that leans more from the mean normal at a vertex is beyond a fold."""
-
+"""Cosine of 30 degrees. A face is beyond a fold if its normal and the mean normal at its corner form a larger angle."""
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor.
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]  # Squared norms of unit plane tensors xx, yy and xy.
@@ -79,9 +75,9 @@ def vertex_averages(surface: Surface, frame: Floats, values: Floats, sided: bool
     values : (m, 3 corners, 3) tensors before averaging.
     sided  : true if values change their sign with the face's normal, as bending does.
 
-    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge it
-    keeps values that are lost in means of faces. On curved sheets it removes the bending of each flat face by its own
-    load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
+    Jumps between faces are errors, and averaging mostly removes them [Hinton and Campbell 1974]. At a built-in edge,
+    averages keep values that are lost in means of faces. On curved sheets they remove the bending of each flat face by
+    its own load, which is large at corners and cancels around a vertex. A face across a fold keeps its own mean."""
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
     first_face = np.full(surface.n, -1)
@@ -111,8 +107,7 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""Layers: `top` is half a thickness away on the side that a face's normal points to; `bottom` is on the opposite side.
-"""
+"""Layers: `top` is half a thickness away on the side of a face's normal; `bottom` is on the opposite side."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -140,12 +135,12 @@ class SheetStress:
     frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
     bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : both stresses as `vertex_averages`, for von Mises stress; constant ones unchanged.
+    smooth_membrane, smooth_bending : `vertex_averages` of both, for von Mises stress; constant stress unchanged.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) energy per area from bending; the sum of both over the sheet is half of its compliance.
 
-    Top and bottom belong to each face: they swap if its corners are listed in reverse, and no surface without two sides
-    (a Moebius strip) has a consistent choice. `largest` does not depend on the choice."""
+    Top and bottom belong to each face: they swap if its corners are listed in reverse. A surface with one side (a
+    Moebius strip) has no consistent choice. `largest` does not depend on the choice."""
 
     frame: Floats
     membrane: Floats
@@ -156,7 +151,7 @@ class SheetStress:
     bending_energy: Floats
 
     def __post_init__(self) -> None:
-        lock(self, "frame", np.float64, (None, 2, 3))
+        lock_floats(self, frame=(None, 2, 3))
         m = len(self.frame)
         for name in ("membrane", "bending"):
             values, smooth = getattr(self, name), f"smooth_{name}"
@@ -165,8 +160,7 @@ class SheetStress:
                 object.__setattr__(self, smooth, getattr(self, name))
             else:
                 lock(self, smooth, np.float64, (m, 3, 3))
-        for name in ("membrane_energy", "bending_energy"):
-            lock(self, name, np.float64, (m,))
+        lock_floats(self, membrane_energy=(m,), bending_energy=(m,))
 
     def at_corners(self, layer: Layer) -> Floats:
         """Return the stress (m, 3 corners, 3), (xx, yy, xy), in each face's frame, Pa, averaged around each vertex."""
@@ -177,9 +171,7 @@ class SheetStress:
 
     def tensor(self, layer: Layer) -> Floats:
         """Return the mean stress (m, 3, 3) of each face, Pa, in space: symmetric and tangent to the face."""
-        xx, yy, xy = self._mean(layer).T
-        planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
-        return np.asarray(self.frame.transpose(0, 2, 1) @ planar @ self.frame)
+        return np.asarray(self.frame.transpose(0, 2, 1) @ tensor_matrices(self._mean(layer)) @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
         """Return principal values and directions of the mean stress of each face [Mohr 1882]."""
@@ -188,8 +180,7 @@ class SheetStress:
     @cached_property
     def von_mises(self) -> Floats:
         """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
-        At a built-in edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, while corners
-        have errors of 2 %."""
+        At a built-in edge of a plate of 16 x 16 `hhj` cells, means of faces are 25 % too small, corners 2 %."""
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
@@ -204,14 +195,14 @@ class SheetStress:
 
     @cached_property
     def peak(self) -> Peak:
-        """Largest von Mises stress with its face and layer; under point loads it grows with refinement."""
+        """Largest von Mises stress with its face and layer. The stress at a point load grows with refinement."""
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
-        """Return the largest von Mises stress over the strength, Pa, (m,): above 1 the material yields.
+        """Return the largest von Mises stress of each face over the strength, Pa, (m,): above 1 the material yields.
         Raises StaticsError for a strength that is not positive."""
         if not (strength > 0 and np.isfinite(strength)):
             raise StaticsError(f"strength = {strength} Pa must be positive (steel 235e6, plywood about 30e6)")
@@ -236,8 +227,7 @@ def plane_von_mises(stress: Floats) -> Floats:
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
     """Return the stress and the energy of a solved sheet.
-    answer : solution by `elements`. The law `stvk` has a stress normal to the sheet; a thin sheet has no such stress,
-             and von Mises omits it."""
+    answer : solution by `elements`. The von Mises stress omits the stress of the law `stvk` normal to the sheet."""
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
     membrane = membrane_stresses(surface, material, law, elements, strain)

@@ -3,9 +3,9 @@
 The stiffness at thickness t is K(t) = t A + t^3 B + S: membrane, bending, springs. The loads are f(t) = f0 + t f1,
 because only the weight of the sheet grows. So the answers at two thicknesses, and their derivatives by t, are a basis
 for all others: a reduced basis [Noor and Peters 1980]. Derivatives need no further factorisation: the vectors are
-(K^-1 dK/dt)^j K^-1 f [Grimme 1997]. Buckling modes and their derivatives are a second basis. Its load factors are never
-below those of the whole sheet [Rayleigh-Ritz]. On cut vaults with 9 times between the thicknesses, displacements are
-within 0.1 %, and stresses and buckling factors within 0.6 %; with 18 times, factors within 1.2 %."""
+(K^-1 dK/dt)^j K^-1 f [Grimme 1997]. Buckling modes and their derivatives are a second basis. Its load factors are
+never below those of the whole sheet [Rayleigh-Ritz]. On cut vaults, from a thickness to 9 times that thickness, errors
+are up to 0.1 % in displacements, and 0.6 % in stresses and buckling factors; to 18 times, 1.2 % in buckling factors."""
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
@@ -30,13 +30,13 @@ from dsfab.statics.stress import stress
 from dsfab.surface import LoadCase, Surface
 
 INDEPENDENT = 1e-10
-"""Least share of a basis vector that the vectors before it do not contain; a smaller share is rounding."""
+"""Least relative length of a basis vector outside the span of the vectors before it; a shorter rest is rounding."""
 SAMPLES = (0.15, 0.85)
-"""Places of the solved thicknesses between the thinnest and the thickest sheet, on a logarithmic scale. Two solves at
-the ends would give buckling factors that are 1 % off in the middle."""
-DERIVATIVES = 2  # of answers at each solved thickness; with one, buckling factors are 1 % off
-MODES = 3  # modes of each case in the basis: thinner and thicker sheets may have their lowest modes in another order
-CASES = 3  # cases with modes in the basis: the most compressed; their modes serve for the other cases
+"""Places of the solved thicknesses on a logarithmic scale from the thinnest (0) to the thickest sheet (1). Two
+solves at the ends would give buckling factors that are 1 % off in the middle."""
+DERIVATIVES = 2  # of the answers at each solved thickness; with one derivative, buckling factors are 1 % off
+MODES = 3  # modes of each case in the basis, because the order of the lowest modes changes with the thickness
+CASES = 3  # cases with modes in the basis: the most compressed; their modes serve for the other cases, too
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,8 +54,8 @@ class ThicknessStiffness:
 
     @classmethod
     def from_sheet(cls, sheet: SheetModel, loads: Sequence[LoadCase], elements: Elements) -> Self:
-        """Return the stiffness of a sheet, whatever its own thickness. A flat sheet may leave its plane if the elements
-        bend. Raises StaticsError as `held_unknowns`."""
+        """Return the stiffness of a sheet for any thickness. A flat sheet may leave its plane if the elements bend.
+        Raises StaticsError as `held_unknowns`."""
         surface, material = sheet.surface, sheet.material
         is_held = held_unknowns(surface, loads, elements, plane=elements.bending is None)
         membrane = membrane_stiffness(surface, material, 1.0, sheet.law, elements)
@@ -71,7 +71,7 @@ class ThicknessStiffness:
         return np.asarray(thickness * (self.membrane @ x) + thickness**3 * (self.bending @ x))
 
     def with_derivatives(self, thickness: float, factor: Factor, x: Floats, count: int) -> list[Floats]:
-        """Return x (u, k) and `count` derivatives, up to smaller ones: K^-1 dK/dt of each. factor : of K."""
+        """Return x (u, k) and `count` products with K^-1 dK/dt in turn, a basis of its derivatives. factor : of K."""
         vectors = [x]
         for _ in range(count):
             forces = self.membrane @ vectors[-1] + 3 * thickness**2 * (self.bending @ vectors[-1])
@@ -79,22 +79,22 @@ class ThicknessStiffness:
         return vectors
 
     def projection(self, basis: Floats) -> Floats:
-        """Return A, B and the springs between the vectors of a basis (u, b): (3, b, b)."""
+        """Return A, B and the springs, projected on a basis (u, b): (3, b, b)."""
         corners = basis[: self.load.spring.size]
         springs = corners.T @ (self.load.spring.ravel()[:, None] * corners)
         parts = basis.T @ (self.membrane @ basis), basis.T @ (self.bending @ basis), springs
         return np.array([_without_negative_eigenvalues(part) for part in parts])
 
     def basis(self, vectors: Floats, thickness: float) -> Floats:
-        """Return independent vectors (u, b) with the span of `vectors` (u, c), orthonormal in K(thickness): so the
-        projected stiffness is near the identity, and rounding makes it singular at no thickness."""
+        """Return independent vectors (u, b) with the span of `vectors` (u, c), orthonormal in K(thickness).
+        The projected stiffness is then near the identity, and rounding makes it singular at no thickness."""
         K = self.matrix(thickness)
         weight = np.sqrt(K.diagonal())  # makes metres and radians comparable
         columns = _independent_columns(vectors * weight[:, None]) / np.where(weight > 0, weight, 1.0)[:, None]
         energies = np.einsum("ui,ui->i", columns, K @ columns)
         images, count = np.zeros_like(columns), 0
         for x, before in zip(columns.T.copy(), energies, strict=True):
-            for _ in range(2):  # twice is enough [Giraud et al. 2005]
+            for _ in range(2):  # the second pass removes rounding errors [Giraud et al. 2005]
                 x -= columns[:, :count] @ (images[:, :count].T @ x)
             image = K @ x
             energy = float(x @ image)
@@ -122,8 +122,8 @@ class ThicknessBasis:
     """A sheet whose answers at every thickness are known, see `from_sheet`.
     sheet, loads : the sheet, and its loads by name at its own thickness.
     constant, per_metre : f0 and f1 (u, k), N and N/m.           vectors : (u, b) basis of the answers.
-    reduced, modes : `projection` (3, b, b) between these vectors, and (3, s, s) between buckling modes.
-    geometric : (b, s, s) minus the geometric stiffness between modes, of each vector in a sheet of 1 m."""
+    reduced, modes : `projection` (3, b, b) on these vectors, and (3, s, s) on the buckling modes.
+    geometric : (b, s, s) negative geometric stiffness between modes, for each vector in a sheet 1 m thick."""
 
     sheet: SheetModel
     loads: Mapping[str, LoadCase]
@@ -233,7 +233,7 @@ def _linear_loads(sheet: SheetModel, loads: Sequence[LoadCase], size: int) -> tu
 
 
 def _resultants(sheet: SheetModel, stiffness: ThicknessStiffness, x: Floats) -> Floats:
-    """Return membrane forces (k, m, 3, 3), N/m, in a sheet of 1 m with the unknowns x (u, k)."""
+    """Return membrane forces (k, m, 3, 3), N/m, in a sheet 1 m thick with the unknowns x (u, k)."""
     surface, setting = sheet.surface, (stiffness.load, stiffness.elements, np.zeros(len(x)))
     moved = [equilibrium_of_unknowns(surface, *setting, column, stiffness.is_held) for column in x.T]
     return np.array([stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles) for answer in moved])
@@ -246,6 +246,6 @@ def _buckling_modes(across: ThicknessStiffness, resultants: Floats, factor: Fact
     for k in np.argsort(compression)[: -1 - CASES : -1]:
         if compression[k] > 1e-9 * np.linalg.norm(resultants[k], axis=(1, 2)) @ surface.areas:
             minus_Kg = -geometric_stiffness(surface, resultants[k], across.elements)
-            with suppress(StaticsError):  # barely compressed
+            with suppress(StaticsError):  # modes of a barely compressed sheet may not converge
                 modes.append(largest_eigenpairs(minus_Kg, factor, MODES, are_results=False)[1].T)
     return modes

@@ -14,14 +14,14 @@ from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
 APART = np.radians(60)
-"""Least angle, from the centre of a disc, between two places at which the disc touches the border of the material.
-Nearer places are a kink of one side [Ma, Bae and Choi 2012]."""
+"""Least angle, seen from the centre of a disc, between two places at which it touches the border of the material.
+Nearer places belong to a kink of one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """Return the ratio of a rectangle's torsional stiffness to G w h^3 / 3, that of a thin strip; ratio : w / h, (...).
-    A rectangle wider than thick has the ratio 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged
-    in this formula, and the result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
+    """Return the torsional stiffness of rectangles w x h over G w h^3 / 3, that of thin strips. ratio : (...) w / h.
+    For w > h the result is 1 - 0.63 h / w (1 - h^4 / 12 w^4). Otherwise w and h are exchanged in this formula, and the
+    result is multiplied by w^2 / h^2 [Saint-Venant 1855; Timoshenko and Goodier 1970, 109]."""
     ratio = np.maximum(ratio, 0.01)  # K with narrower ribs cannot be solved accurately
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
@@ -37,8 +37,8 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """Return the width of the material around each face and its direction. The width is that of the largest disc in the
-    material that touches the border point nearest to the face [medial discs, Blum 1967]."""
+    """Return the width and the direction of the material around each face [medial discs, Blum 1967].
+    The width is the diameter of the largest disc in the material that touches the border point nearest to the face."""
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -87,8 +87,8 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
     """Return the negative stiffness, over the unknowns of `elements`, that makes ribs twist as softly as bars.
-    On each face D loses (1 - share) D_66 t t^T. t : kappa is the twist 2 kappa_ab between directions along and across
-    the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
+    On each face the matrix D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab between the directions
+    a along and b across the rib. Raises ValueError for bending that is neither `hhj` nor `midedge`."""
     if elements.bending not in ("hhj", "midedge"):
         raise ValueError(f"{elements}: only hhj and midedge bending can reduce the torsion of ribs")
     share = torsion_share(ribs.widths / sheet.thickness)

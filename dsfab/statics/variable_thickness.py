@@ -16,16 +16,15 @@ from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
 LEAST = 1e-4
-"""Least thickness as a share of the sheet's thickness, so that omitted faces still have a direction of force."""
+"""Least thickness over the sheet's thickness, so that omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""Largest change of a face in the last step and in any step, as shares of the thickness, and largest number of steps.
-"""
+"""Largest change of a face in the last step and in any step, over the sheet's thickness; largest number of steps."""
 
 
 class VaryingSheet(NamedTuple):
     """A sheet of varying thickness.
     thickness  : (m,) ratio to the thickness of the whole sheet, 0 to 1.
-    compliance : joules, summed with the weights of the loads; constant strain and mid-edge bending.
+    compliance : joules, sum over the loads times their weights, by constant strain and mid-edge bending.
     forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face."""
 
     thickness: Floats
@@ -34,8 +33,8 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """Return the stiffest sheet whose mean thickness over the area is `share` of the whole thickness.
-    weights : (k,) of the loads' compliances in the sum to minimise.
+    """Return the stiffest sheet whose mean thickness over the area is `share` of the sheet's thickness.
+    weights : (k,) factors of the loads' compliances in the sum to minimise.
     Raises StaticsError for a sheet without sufficient supports, or a load on a vertex without faces."""
     surface = sheet.surface
     K = FaceStiffness.from_sheet(sheet, loads)
@@ -65,7 +64,7 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """Return x sqrt(gain / multiplier) (m,), changed by at most `move`; the multiplier gives `area` [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), at most `move` from x; the multiplier gives `area` [Bendsoe 1995].
 
     gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1."""

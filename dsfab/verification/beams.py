@@ -90,7 +90,7 @@ EDGES_OF_STRIP = 0.63 * 2 / 20
 """Loss of torsional stiffness at the edges of a strip of width b and thickness t: b t^3 / 3 (1 - .63 t / b) remains
 [de Saint Venant]. Shear across the thickness causes the loss; theories of thin sheets do not have this shear."""
 
-IN_TORSION = 0.9899  # Torsion's share of the strain energy in the hook as a curved beam, beside bending and shear.
+IN_TORSION = 0.9899  # Share of torsion in the strain energy of the hook as a curved beam; bending and shear remain.
 
 STRIP = (
     "curved beam theory with a thin strip's torsion constant b t^3 / 3 (MacNeal and Harder's 0.5022 is for the true "
@@ -99,8 +99,8 @@ STRIP = (
 
 
 def _curved_strip() -> float:
-    """Return P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J)), the movement of a quarter ring loaded across its plane
-    [Timoshenko 1955]."""
+    """Return the movement of a quarter ring loaded across its plane [Timoshenko 1955]:
+    P R^3 (pi / 4 / (E I) + (3 pi / 4 - 2) / (G J))."""
     young, poisson, radius, width, thickness = 1e7, 0.25, 4.22, 0.2, 0.1
     bending = young * width * thickness**3 / 12
     torsion = young / (2 * (1 + poisson)) * width * thickness**3 / 3

@@ -17,7 +17,7 @@ COARSE = 12  # Cells around the vault before the cut; finer meshes divide the cu
 
 
 def vault(cells: int) -> Surface:
-    """Return a barrel vault with six by four openings; stripes around and along it each cover half of the area."""
+    """Return a barrel vault with six by four openings; the stripes of each family cover half of the area."""
     uv, F = square(COARSE, COARSE - 2, "union_jack")
     turn = OPENING * (uv[:, 0] - 0.5)
     uncut = Surface(np.stack([RADIUS * np.sin(turn), LENGTH * uv[:, 1], RADIUS * np.cos(turn)], axis=1), F)
@@ -51,7 +51,7 @@ def feet(surface: Surface) -> Bools:
 
 
 def cut_vault(cells: int, mesh: Mesh) -> Problem:
-    """Return the vault as a thin sheet, built in at both springing lines, under its own weight; value in joules."""
+    """Return the vault as a thin sheet built in at both springing lines under its own weight; value: compliance, J."""
     surface = vault(cells)
     where, weight = feet(surface), CONCRETE.density * THICKNESS * GRAVITY
     fixed, clamped = held_directions(surface.n, (where, "xyz")), edges_on(surface, where)

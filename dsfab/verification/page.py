@@ -300,7 +300,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     test_standings = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
-    if len(problem.surface.edges.ends) > 3000:  # in a sketch of a finer mesh lines would merge
+    if len(problem.surface.edges.ends) > 3000:  # with more edges the lines of the drawing would merge
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, test_rows, test_standings)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
 from dsfab.statics import Equilibrium, Material, membrane_strains, membrane_stresses
+from dsfab.statics.elements import tensor_matrices
 from dsfab.surface import Surface
 from dsfab.surface.fields import tangents
 from dsfab.verification.problems import (
@@ -29,10 +30,9 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
     """Return the membrane stress (m, 3 corners, 3, 3) in plane stress, Pa, tangent to each face.
     The stress of `quadratic` and `hybrid` membranes is linear on a face; constant strain gives equal corners."""
     strain = membrane_strains(surface, answer)
-    xx, yy, xy = np.moveaxis(membrane_stresses(surface, material, "plane_stress", answer.elements, strain), -1, 0)
-    planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+    planar = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
     t = tangents(surface)
-    return np.asarray(np.einsum("mai,mcab,mbj->mcij", t, planar, t))
+    return np.asarray(np.einsum("mai,mcab,mbj->mcij", t, tensor_matrices(planar), t))
 
 
 def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
@@ -71,8 +71,8 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x.
-    Kirsch's own tractions act on the outer edge. The value is the largest stress along the hole's edge, exactly 3."""
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet in unit tension along x. Tractions of
+    Kirsch's solution act on the outer edge. The value is the largest stress at the hole's edge, exactly 3."""
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # this makes cells as long as wide
     V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
@@ -86,7 +86,7 @@ def kirsch_stress(x: Floats, y: Floats) -> Floats:
     xx = 1 - q * (1.5 * c2 + c4) + 1.5 * q**2 * c4
     yy = -q * (0.5 * c2 - c4) - 1.5 * q**2 * c4
     xy = -q * (0.5 * s2 + s4) + 1.5 * q**2 * s4
-    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+    return tensor_matrices(np.stack([xx, yy, xy], axis=-1))
 
 
 def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:

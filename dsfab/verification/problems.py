@@ -101,8 +101,8 @@ class Problem:
 
     fixed   : (n, 3) held directions.                   clamped : (e,) edges that cannot turn (built in, or symmetry).
     force   : (n, 3) concentrated loads, newtons.       face, edge : (m, 3) loads per area and (e, 3) per length.
-    value   : function from an answer to the value.
-    modes   : function from elements to the value, for eigenvalue problems."""
+    value   : function that returns the value from an equilibrium.
+    modes   : function that returns the value from elements, for eigenvalue problems; else None."""
 
     surface: Surface
     material: Material

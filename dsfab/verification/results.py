@@ -146,7 +146,7 @@ class Published:
     cells    : number of cells of this test's mesh (a whole roof has twice the cells of its quarter); None if the
                source has only a `note`, such as "coarse mesh".
     unknowns : number in the source's mesh, if the test has no equal mesh; then `cells` is that of the next coarser
-               mesh. None: counted on the test's mesh."""
+               mesh of the test. None: counted on the test's mesh."""
 
     test: str
     element: str
@@ -274,8 +274,8 @@ class Standing:
     """One published value beside dsfab's pair of elements for displacements.
 
     unknowns : number in the published mesh; None if the source does not tell it.
-    ours     : relative error of that pair: the largest of its regular patterns, on this mesh or a finer one, so that
-               luck does not count. None without a comparable mesh.
+    ours     : relative error of dsfab's pair: the largest of its regular patterns on this mesh and finer meshes, so
+               that luck does not count. None without a comparable mesh.
     basis    : `unknowns`: our error is interpolated to as many unknowns, or belongs to our finest mesh if that has
                fewer. `cells`: our error belongs to the same cells, because all our meshes have more unknowns.
     outcome  : result of the comparison: our error is better than, like, or worse than the published error."""
@@ -299,7 +299,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Return, by number of cells, unknowns and largest error of all patterns; without cells at which one failed."""
+    """Return unknowns and largest error of all patterns, by the numbers of cells at which no pattern failed."""
     worst: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         cell_rows = [row for row in rows if row.cells == cells]

@@ -64,7 +64,7 @@ def pinched_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 def closed_hemisphere(cells: int, mesh: Mesh) -> Problem:
     """Return NAFEMS LE3: an octant of a sphere, radius 10 m, 40 mm thick, with 2 kN outwards and 2 kN inwards.
-    It represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
+    The octant represents a closed hemisphere that is fixed at its pole. The single pattern is a grid of triangles."""
     V, F = octant(cells)
     surface = Surface(10 * V, F)
     x0, y0, z0 = (np.abs(V[:, axis]) < 1e-9 for axis in range(3))
@@ -115,8 +115,8 @@ TESTS = [
         "barrel vault on stiff end walls under its own weight: sag of the middle of its free edge",
         scordelis_lo,
         targets={8: 0.015, 16: 0.008},
-        # 0.3024 is MacNeal and Harder's choice between 0.3086 (shallow shell, Scordelis and Lo 1964) and elements of
-        # their time. The limit is that of deep Kirchhoff-Love shells: quintic NURBS of 64 knot spans by Kiendl,
+        # 0.3024 is MacNeal and Harder's choice between 0.3086 (shallow shell, Scordelis and Lo 1964) and results of
+        # elements in 1985. The limit is that of deep Kirchhoff-Love shells: quintic NURBS of 64 knot spans by Kiendl,
         # Bletzinger, Linhard and Wuechner 2009 (CMAME 198, 3902-3914), listed in FinEtoolsFlexStructures.jl.
         limit=0.300592,
     ),

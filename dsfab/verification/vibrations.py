@@ -15,16 +15,16 @@ STEEL = Material(200e9, 0.3, 8000.0)
 THICKNESS = 0.05
 
 PLATE_HERTZ = (0.421, 1.029, 2.582, 3.306, 3.753, 6.555)
-"""Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis, NAFEMS
-R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them. They are Barton's of 1951, by a Ritz method
-with few terms. All pairs of elements converge to values .5 to 1 % lower, for example 3.471 instead of 3.494."""
+"""Frequencies of FV16 [Abbassian, Dawswell and Knowles 1987, Selected benchmarks for natural frequency analysis,
+NAFEMS R0015], as Altair OptiStruct's verification problem OS-V 0430 lists them. Barton computed them in 1951 by a Ritz
+method with few terms. All pairs of elements converge to values .5 to 1 % lower, for example 3.471 instead of 3.494."""
 
 MEMBRANE_HERTZ = (44.623, 130.03, 162.70, 246.05, 379.90, 391.44)
 """Frequencies of FV32 in the same report, as ENERCALC 3D's verification problem F-03 lists them."""
 
 
 def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV16: a plate 10 m square, 50 mm thick, clamped along x = 0, moving across its plane; in hertz."""
+    """Return FV16: a plate 10 m square, 50 mm thick, clamped along x = 0; value: frequency of a bending mode, hertz."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(10 * uv, ((0, 0), (0, 1))), F)
     root = is_at(uv[:, 0], 0.0)
@@ -33,7 +33,8 @@ def cantilevered_plate(cells: int, mesh: Mesh, mode: int) -> Problem:
 
 
 def tapered_membrane(cells: int, mesh: Mesh, mode: int) -> Problem:
-    """Return FV32: 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end, moving in its plane; in hertz."""
+    """Return FV32: a sheet 10 m long, 5 m to 1 m high, 50 mm thick, built in at its high end.
+    The value is the frequency of a mode in its plane, hertz."""
     uv, F = square(2 * cells, cells, mesh)
     high = 5 - 4 * uv[:, 0]
     surface = Surface(np.stack([10 * uv[:, 0], high * (uv[:, 1] - 0.5), 0 * high], axis=1), F)
@@ -57,9 +58,9 @@ CLASSICAL = 1 / np.sqrt(3 * (1 - TUBE.poisson**2))
 """Buckling load N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908]."""
 WAVE = np.pi * np.sqrt(TUBE_WALL) / (12 * (1 - TUBE.poisson**2)) ** 0.25
 """Half wavelength of the buckling rings of a tube of radius 1, and the length of the tube.
-In so short a tube the lowest modes are rings; modes with waves around the tube have loads within 1 %. A longer
-tube buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 %
-too high for six waves. A tube of three half waves converges to .952 of .605 here, and its rings to .991."""
+In so short a tube the lowest modes are rings; modes with waves around the tube have loads within 1 %. A longer tube
+buckles like a chessboard with few waves around. There the theory of shallow shells gives .605, too, which is 4 % too
+high for six waves. By these elements a tube of three half waves converges to .952 of .605, and its rings to .991."""
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:

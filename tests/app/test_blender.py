@@ -1,8 +1,7 @@
 """The add-on for Blender: run there for real where bpy is installed (Python of `DSFAB_BPY`, else this one).
 
 Without bpy a stand-in takes its place. It is no proof that Blender takes the add-on: only that its words are those of
-`dsfab build`, and that it needs nothing that Blender lacks.
-"""
+`dsfab build`, and that it needs nothing that Blender lacks."""
 
 import ast
 import importlib.util
@@ -46,7 +45,7 @@ def addon(tmp_path, monkeypatch):
 def test_the_add_on_calls_dsfab_build_with_the_given_settings(addon):
     settings = SimpleNamespace(preset="dome", changes="statics.material=S235 'description=a b'")
     python, *words = addon.command(addon.PYTHON, Path("roof.obj"), settings, Path("out"))
-    assert python == sys.executable
+    assert python == addon.PYTHON == sys.executable
     assert words[:2] == ["-m", "dsfab"]
     taken = app.parse_args(words[2:], exit_on_error=False, print_error=False)[1].arguments
     assert taken["preset"] == "dome"

@@ -9,13 +9,13 @@ from cyclopts import Parameter
 from dsfab.app.terminal import print_result
 from dsfab.core.errors import DsfabError
 
-UNSET = 'PYTHON = ""\n'  # Line of the add-on that `addon` replaces: it names the Python program that has dsfab.
+UNSET = 'PYTHON = ""'  # Text of the add-on that `addon` replaces by the path of the Python that has dsfab.
 
 
 def addon(python: str) -> str:
     """Return the text of the add-on, which runs dsfab with this Python."""
     text = Path(__file__).with_name("addon.py").read_text(encoding="utf-8")
-    return text.replace(UNSET, f"PYTHON = {python!r}\n", 1)
+    return text.replace(UNSET, f"PYTHON = {python!r}", 1)
 
 
 def blender(
@@ -25,7 +25,7 @@ def blender(
     ),
     force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
-    """Write an add-on for Blender: it builds the mesh of the active object, by the dsfab that wrote it."""
+    """Write an add-on for Blender that builds a structure from the mesh of the active object, with this dsfab."""
     from dsfab.export import atomic_file
 
     if output.suffix != ".py":

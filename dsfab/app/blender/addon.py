@@ -24,7 +24,7 @@ bl_info = {
     "category": "Mesh",
 }
 
-PYTHON = ""  # The Python in which dsfab is installed; empty: that of Blender.
+PYTHON = ""  # Path of the Python that has dsfab; empty for Blender's own Python.
 MADE_OF = "dsfab_source"  # Property that marks our objects and collections, with the name of the source object.
 WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}  # Types of objects that Blender can turn into a mesh.
 
@@ -46,7 +46,7 @@ class Preferences(bpy.types.AddonPreferences):
 
 
 class Wishes(bpy.types.PropertyGroup):
-    """Settings of a build. The .blend file stores them."""
+    """Settings of a build, which the .blend file stores."""
 
     preset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Preset",
@@ -62,7 +62,7 @@ class Wishes(bpy.types.PropertyGroup):
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
     """Write an object with its modifiers as OBJ, in metres and world coordinates. Raises BuildError without faces."""
     if source.get(MADE_OF):
-        raise BuildError(f"{source.name} is a result of dsfab; select its surface, {source[MADE_OF]}")
+        raise BuildError(f"{source.name} is a result of dsfab; select the object {source[MADE_OF]} instead")
     if source.type not in WITH_FACES:
         raise BuildError(f"{source.name} is not a surface; select a mesh")
     source.hide_set(False)  # Blender ignores the modifiers of hidden objects
@@ -171,7 +171,7 @@ def show_result(folder: Path, source: bpy.types.Object, metres: float) -> int:
 
 
 class Build(bpy.types.Operator):
-    """Build a structure of the mesh of the active object"""
+    """Build a structure from the mesh of the active object"""
 
     bl_idname = "dsfab.build"
     bl_label = "Build structure"

@@ -123,7 +123,7 @@ PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.build
 
 
 class BuilderError(RuntimeError):
-    """A bug in the other process."""
+    """An unexpected error in the process that builds."""
 
 
 def build_in_process(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:

@@ -121,7 +121,7 @@ def colour_scales() -> dict[str, list[list[int]]]:
 
 
 def has_creases(surface: Surface) -> bool:
-    """Return True if a face's normal differs so much from those at its corners that each pixel must be lit."""
+    """Return True if a face's normal differs so much from those at its corners that the page must light each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
     return bool(normals.sum(axis=2).min() < 0.8)  # shader.js uses the same cosine
 
@@ -180,14 +180,14 @@ def _gathered_forces(V: Floats, force: Floats, acts: Bools, spacing: Spacing, si
     acting = np.flatnonzero(acts)
     if not len(acting):
         return np.zeros((0, 6))
-    candidates = acting[:: max(len(acting) // 3000, 1)]  # the picture looks the same with more candidates
+    candidates = acting[:: max(len(acting) // 3000, 1)]  # more candidates do not change the picture
     chosen = candidates[thin_points(V[candidates], size, spacing)]
     owner = cKDTree(V[chosen]).query(V[acting])[1]
     total = np.stack([np.bincount(owner, force[acting, i], len(chosen)) for i in range(3)], axis=1)
     return np.concatenate([V[chosen], total], axis=1)
 
 
-TINTS = ("major", "minor")  # Families with their own colours; further material has the next colour.
+TINTS = ("major", "minor")  # Families with colours of their own; all other material has a third colour.
 
 
 def cut_sheet_arrays(draft: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
@@ -228,7 +228,7 @@ def tidied_cut(draft: Design, progress: ReportProgress | None = None) -> tuple[S
 def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
     """Return measures of a cut sheet for JSON: square metres, kilograms, pieces, and widths in metres.
     under      : whether the narrowest member is narrower than the least width.
-    bars_under : for each bar of the histogram of widths, whether its widths are below the least width."""
+    bars_under : for each bar of the histogram of widths, True if the bar is below the least width."""
     preset, sheet = draft.preset, cut.sheet.surface
     solved = draft.statics.answers.equilibrium
     member_features = features(cut.cells, kept_cells(cut.cells, cut.sheet), draft.pattern.names)
@@ -246,7 +246,7 @@ def sheet_figures(draft: Design, cut: SlicingResult, notes: list[str]) -> dict[s
         "place": None if narrowest is None else narrowest.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # no bar contains the least width
+        "bars_under": below_limit((limits[1:] + limits[:-1]) / 2, least).tolist(),  # bars end at `least`
         "min_member": least,
         "pattern": _pattern_figures(draft, cut),
         "compliance": solved.compliance if solved.elements.is_reported else None,

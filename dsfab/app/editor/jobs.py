@@ -11,7 +11,7 @@ from typing import Any
 
 from dsfab.core.errors import DsfabError
 
-ReportProgress = Callable[[str, str], None]  # Function that reports a stage and its work.
+ReportProgress = Callable[[str, str], None]  # Function that reports a stage and the work in this stage.
 
 
 class Cancelled(Exception):  # noqa: N818  # no error
@@ -34,9 +34,7 @@ class JobProgress:
             raise Cancelled
 
 
-Work = Callable[
-    [JobProgress], dict[str, Any]
-]  # Function of a job: it takes the progress and returns facts for the page.
+Work = Callable[[JobProgress], dict[str, Any]]  # Function of a job, which returns facts for the page.
 
 
 @dataclass(eq=False)
@@ -65,7 +63,7 @@ class EditorJob:
 
 
 log = logging.getLogger(__name__)
-CANCEL_SECONDS = 0.5  # A thread must report within this time after a cancellation; else the editor abandons it.
+CANCEL_SECONDS = 0.5  # The editor abandons a cancelled job whose thread does not end within this time.
 
 
 class Jobs:
@@ -133,20 +131,20 @@ class Jobs:
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Return whether a job is waiting or running, and nobody has cancelled it."""
+        """Return whether a job is waiting or running, and is not cancelled."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def add_listener(self) -> "queue.Queue[dict[str, Any] | None]":
-        """Return a queue with records of all further changes of jobs; a final None ends it."""
+        """Return a queue with records of all further changes of jobs, then None when the editor closes."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
     def remove_listener(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """End the records for a queue of `add_listener`."""
+        """Stop the records for a queue of `add_listener`."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
@@ -167,7 +165,7 @@ class Jobs:
 
     def _start_worker(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
-        worker.start()  # if an interrupt comes here, __exit__ joins only started threads
+        worker.start()  # start comes first, because __exit__ can join only started threads
         self._workers[kind] = worker
 
     def _loop(self, kind: str) -> None:
@@ -184,7 +182,6 @@ class Jobs:
                 return
 
     def _run(self, job: EditorJob) -> bool:
-
         def report(stage: str, text: str) -> None:
             with self._wake:
                 job.stage, job.text = stage, text

@@ -97,7 +97,7 @@ def _handle_export(session: Session, fields: RequestFields) -> RequestFields:
 def _handle_picture(session: Session, fields: RequestFields) -> RequestFields:
     size = _required_field(fields, "size", list)
     if len(size) != 2 or not all(isinstance(x, int) and SMALLEST <= x <= WIDEST for x in size):
-        raise RequestError(f"the field size of the request must be two numbers of pixels from {SMALLEST} to {WIDEST}")
+        raise RequestError(f"the field size is not two numbers of pixels from {SMALLEST} to {WIDEST}; reload the page")
     show, view = _required_field(fields, "show", str), _required_field(fields, "view", str)
     return {"job": session.ask_picture(_changes_field(fields), view, show, (size[0], size[1]))}
 
@@ -122,7 +122,7 @@ def _handle_drop(session: Session, fields: RequestFields) -> RequestFields:
 def _handle_compare(session: Session, fields: RequestFields) -> RequestFields:
     numbers = _required_field(fields, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
-        raise RequestError("the field variants of the request must be one or two numbers")
+        raise RequestError("the field variants is not a list of one or two numbers; reload the page")
     presets = [session.variants[number].preset for number in numbers]
     before, after = (*presets, session.current_preset.preset_with(_changes_field(fields)))[:2]
     return {"differences": differences(before, after)}

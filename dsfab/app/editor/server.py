@@ -1,8 +1,7 @@
 """HTTP server of the editor, for this machine alone; it needs only the standard library.
 
 A page of another site can make a browser send requests to this server. So every request must name this server as its
-host and carry the token of this run. A request from a page must come from the editor's page. A POST must contain JSON.
-"""
+host and carry the token of this run. A request from a page must come from the editor's page. A POST must have JSON."""
 
 import hmac
 import json
@@ -21,6 +20,7 @@ from dsfab.core.errors import DsfabError
 log = logging.getLogger(__name__)
 LOOPBACK = "127.0.0.1"
 LARGEST = 96 * 2**20  # Largest number of bytes of a request, enough for a mesh of a million triangles.
+NO_ADDRESS = HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
 
 
 class RefusedRequest(Exception):  # noqa: N818  # no error of the server
@@ -56,14 +56,12 @@ class EditorServer(ThreadingHTTPServer):
 
 
 class EditorHandler(BaseHTTPRequestHandler):
-    """Handler of a connection to the editor."""
-
     server: EditorServer
     protocol_version = "HTTP/1.1"
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # else a body waits up to 40 ms for the browser's acknowledgement of the head
+    disable_nagle_algorithm = True  # otherwise a body waits up to 40 ms until the browser acknowledges the head
 
     def do_GET(self) -> None:
         self._guard(self._get)
@@ -141,9 +139,7 @@ class EditorHandler(BaseHTTPRequestHandler):
         elif parts.path == "/api/file":
             self._file(_number_field(query, "build"), _number_field(query, "index"))
         else:
-            raise RefusedRequest(
-                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
-            )
+            raise RefusedRequest(*NO_ADDRESS)
 
     def _post(self) -> None:
         parts = urlsplit(self.path)
@@ -152,9 +148,7 @@ class EditorHandler(BaseHTTPRequestHandler):
             raise RefusedRequest(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "the request is not of the type application/json")
         handle = HANDLERS.get(parts.path.removeprefix("/api/")) if parts.path.startswith("/api/") else None
         if handle is None:
-            raise RefusedRequest(
-                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
-            )
+            raise RefusedRequest(*NO_ADDRESS)
         self._json(handle(self.server.session, self._body()))
 
     def _body(self) -> RequestFields:
@@ -181,9 +175,7 @@ class EditorHandler(BaseHTTPRequestHandler):
     def _static(self, name: str) -> None:
         content = self.server.static.get(name)
         if content is None or name == "index.html":
-            raise RefusedRequest(
-                HTTPStatus.NOT_FOUND, "this address does not exist; open the address that dsfab edit printed"
-            )
+            raise RefusedRequest(*NO_ADDRESS)
         kind = KINDS.get("." + name.rpartition(".")[2], "text/plain")
         self._bytes(content, f"{kind}; charset=utf-8")
 
@@ -235,7 +227,7 @@ class EditorHandler(BaseHTTPRequestHandler):
         common_headers = {
             "Content-Type": kind,
             "Cache-Control": "no-store",
-            "Referrer-Policy": "no-referrer",  # the address holds the token
+            "Referrer-Policy": "no-referrer",  # the address contains the token
             "X-Content-Type-Options": "nosniff",
             "Cross-Origin-Resource-Policy": "same-origin",
             "Cross-Origin-Opener-Policy": "same-origin",

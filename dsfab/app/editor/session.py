@@ -45,7 +45,7 @@ Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft that the page shows. `version` changes when the page needs other data than the widths of stripes."""
+    """A draft that the page shows. `version` changes unless only widths of stripes or the choice of modes change."""
 
     draft: Design
     number: int
@@ -171,8 +171,7 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """Start a job that solves the changed preset and measures the design; a running job of equal changes
-        continues."""
+        """Start a job that solves and measures the changed preset, or keep a running job of equal changes."""
         with self._lock:
             preset, number = self._opened.preset_with(changes), self._opening
             pending_request = self._asked
@@ -183,8 +182,7 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """Start a job that writes the files of a build, or return a question before files are replaced without
-        permission.
+        """Start a job that writes the files of a build, or return a question if files exist and `replace` is false.
         only : a single format as in `dsfab export --to`. Raises ExportError for a format that is not available."""
         opened = self.current_preset
         preset = opened.preset_with(changes)
@@ -196,8 +194,7 @@ class Session:
         return {"job": self.jobs.submit("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """Start a job that names and measures members, with utilisation if `judged`. Raises DsfabError without a
-        draft."""
+        """Start a job that measures members, with utilisation if `judged`. Raises DsfabError before the first draft."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -210,7 +207,7 @@ class Session:
         return self.jobs.submit("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def first_model(self) -> bytes:
-        """Return the last draft, or a sketch of the first draft, for a new page; empty if no draft is on its way."""
+        """Return the last draft, or a sketch of the first draft, for a new page; empty if no job makes a draft."""
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
             time.sleep(0.01)
@@ -227,7 +224,7 @@ class Session:
         return self._model(shown, have)
 
     def cut_sheet(self, draft: int) -> bytes:
-        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty if `draft` is another number."""
+        """Return the cut sheet of the last draft (`drafts.cut_sheet_arrays`); empty unless its number is `draft`."""
         with self._lock:
             latest_cut = self._cut
         if not latest_cut or latest_cut[0].number != draft:

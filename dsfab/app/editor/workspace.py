@@ -52,8 +52,7 @@ class Outputs:
         return next(word for word in _numbered_names(name) if not self.foreign_files(word))
 
     def publish(self, files: Path, name: str) -> Path:
-        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError on
-        failure."""
+        """Move all files of a folder to the folder of the name, and return that folder. Raises DsfabError."""
         folder = self.folder(name)
         with atomic_folder(folder) as partial:
             for path in files.iterdir():
@@ -62,8 +61,7 @@ class Outputs:
         return folder
 
     def write_file(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write NAME.toml beside the folders, or NAME-2.toml if NAME.toml exists; return the path. Raises
-        DsfabError."""
+        """Write NAME.toml beside the folders, or NAME-2.toml if it exists; return its path. Raises DsfabError."""
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered_names(name))
         path = next(path for path in paths if path in self._ours or _may_write(path, content))
@@ -101,7 +99,7 @@ class OpenedPreset:
     decided: tuple[Decision, ...] = ()
 
     def preset_with(self, changes: Mapping[str, Any]) -> Preset:
-        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and other files."""
+        """Return the preset with new values at dotted keys. Raises PresetError for invalid values and for new files."""
         preset = with_overrides(self.preset, changes)
         if _mesh_file(preset) != _mesh_file(self.preset):  # the page must not choose files on this machine
             raise PresetError(
@@ -120,13 +118,13 @@ class OpenedPreset:
 
     @property
     def page_mesh(self) -> Path | None:
-        """The copy of a mesh file from the page; the session removes it at its end."""
+        """The session's copy of a mesh file from the page, which exists until the session ends."""
         return _mesh_file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
         """Return the command that builds the changed preset, and whether the user must save the preset first."""
         preset = self.preset_with(changes)
-        if self.words and self.decided and MATERIAL in changes:  # else the new material would also change the thickness
+        if self.words and self.decided and MATERIAL in changes:  # the thickness must stay
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_value_text(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
@@ -166,8 +164,7 @@ def with_file(preset: Preset, file: Path) -> Preset:
 
 
 def saved_preset(opened: OpenedPreset, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset among the outputs, with its mesh file; return the path of the preset. Raises
-    DsfabError."""
+    """Save the changed preset with its mesh file among the outputs; return the preset's path. Raises DsfabError."""
     preset = opened.preset_with(changes)
     if mesh := opened.page_mesh:
         preset = with_file(preset, Path(outputs.write_file(preset.name, mesh.suffix, mesh.read_bytes()).name))
@@ -265,7 +262,7 @@ class VariantTray:
 
     def __getitem__(self, number: int) -> KeptVariant:
         if number not in self._all:
-            raise DsfabError(f"variant {number} does not exist any more")
+            raise DsfabError(f"variant {number} does not exist any more; reload the page")
         return self._all[number]
 
     def records(self) -> list[dict[str, Any]]:
@@ -276,7 +273,7 @@ class VariantTray:
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """Add a variant; without a name, it is called by its number. Raises DsfabError for an invalid variant."""
+        """Add a variant; without a name, its number names it. Raises DsfabError for an invalid variant."""
         _ = variant.preset
         if len(self._all) >= MAX_VARIANTS:
             raise DsfabError(f"the tray holds {MAX_VARIANTS} variants already; remove one first")

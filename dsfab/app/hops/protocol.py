@@ -34,7 +34,7 @@ class HopsError(DsfabError):
 @dataclass(frozen=True)
 class HopsParameter:
     """An input or output of a component.
-    is_list     : whether the parameter takes, or gives, a list.
+    is_list     : whether the input takes, or the output gives, a list.
     is_required : whether the user must connect the input."""
 
     name: str

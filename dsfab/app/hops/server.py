@@ -95,14 +95,12 @@ class HopsServer(ThreadingHTTPServer):
 
 
 class HopsHandler(BaseHTTPRequestHandler):
-    """Handler of a connection from Hops."""
-
     server: HopsServer
     protocol_version = "HTTP/1.1"
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # else an answer waits up to 40 ms for the acknowledgement of its head
+    disable_nagle_algorithm = True  # otherwise an answer waits up to 40 ms until its head is acknowledged
 
     def log_message(self, format: str, *args: object) -> None:
         """Print nothing, because the terminal belongs to the user."""

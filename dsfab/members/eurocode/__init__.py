@@ -1,4 +1,4 @@
-"""Check of members by the Eurocodes: force over resistance of each bay, with the clause of every number.
+"""Check of members by the Eurocodes: force over resistance of each bay, with the clause of each check.
 
 grades   characteristic strengths by material, durations of loads, k_mod
 checks   bays with sections and forces, names and clauses of checks, their utilisation; stress over strength

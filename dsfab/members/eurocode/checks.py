@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.core.arrays import Floats, Ints, lock, read_only_copy
+from dsfab.core.arrays import Floats, Ints, lock_floats, read_only_copy
 from dsfab.members import MemberGraph
 from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 
@@ -38,9 +38,7 @@ class MemberBays:
 
     def __post_init__(self) -> None:
         b = len(self.member)
-        for name in ("s", "width", "curvature"):
-            lock(self, name, np.float64, (b, None))
-        lock(self, "length", np.float64, (b,))
+        lock_floats(self, s=(b, None), width=(b, None), curvature=(b, None), length=(b,))
         forces = {case: read_only_copy(rows, np.float64, (*self.s.shape, 6)) for case, rows in self.forces.items()}
         object.__setattr__(self, "forces", MappingProxyType(forces))
 
@@ -98,7 +96,7 @@ CheckRatios = dict[CodeCheck, Floats]
 class Utilisation:
     """Force over resistance of bays; 1 is the limit.
 
-    bays     : b bays.    checks : c checks.    standard : name of the standard, or the reason why there is none.
+    bays     : b bays.    checks : c checks.    standard : name of the standard, or the reason why none applies.
     values   : by case or combination, (b, c) largest value along each bay for each check.
     station  : by case, (b, c) station of this value, 0 to 4; 0 for a value of the whole bay.
     assumed  : sentences on assumptions.    unchecked : topics without a check.
@@ -236,15 +234,15 @@ class Rectangle:
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """Return the critical uniform moment (b, k), Nm, of lateral buckling for bay lengths L (m).
-        It is pi / L sqrt(E I G It). Source: Timoshenko, Gere 1961, 6.1."""
+        """Return the critical moment (b, k), Nm, of lateral buckling for bay lengths L (m) under a uniform moment:
+        pi / L sqrt(E I G It) [Timoshenko, Gere 1961, 6.1]."""
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
     """Return the factor C_m (b, 1) of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading].
-    It depends on the larger end moment, the ratio psi of both end moments, and the moment at the middle. For a linear
-    moment it is 0.6 + 0.4 psi."""
+    C_m depends on the larger end moment, the ratio psi of the end moments, and the middle moment. For a linear moment
+    it is 0.6 + 0.4 psi."""
     ends = moment[:, [0, -1]]
     first_is_larger = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first_is_larger, ends[:, 0], ends[:, 1]), np.where(first_is_larger, ends[:, 1], ends[:, 0])

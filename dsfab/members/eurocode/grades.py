@@ -30,7 +30,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Thicknesses (m) at which yield strengths step: up to 80 mm those of EN 1993-1-1, above those of EN 10025."""
+"""Largest thickness (m) for each yield strength: up to 80 mm by EN 1993-1-1, above by EN 10025."""
 STEEL = {
     grade.name: grade
     for grade in (

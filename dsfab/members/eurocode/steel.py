@@ -29,8 +29,9 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 @dataclass(frozen=True)
 class SteelFactors:
     """Factors of steel checks.
-    curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2]. gamma_m0, gamma_m1 : partial factors of
-    sections and members [6.1]. buckling_length : buckling length over the distance between nodes."""
+    curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
+    gamma_m0, gamma_m1 : partial factors of sections and of members [6.1].
+    buckling_length : buckling length over the distance between nodes."""
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -104,8 +105,8 @@ def _by(lying: Floats, if_lying: Floats, if_upright: Floats) -> Floats:
 
 
 def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
-    """Return the larger of (6.61) and (6.62). strong, weak : slenderness, N and M over resistance, and C_m, for
-    buckling about that axis; tilted : M over resistance about the strong axis, divided by chi_LT."""
+    """Return the larger of (6.61) and (6.62). tilted : M over resistance about the strong axis, divided by chi_LT.
+    strong, weak : slenderness, N and M over resistance, and C_m, for buckling about the strong and the weak axis."""
     (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
     k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
     k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)

@@ -12,7 +12,7 @@ STANDARD = "EN 1995-1-1"
 GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 """Partial factors [EN 1995-1-1, table 2.3]."""
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
-"""Effective share of the width for shear in spite of cracks [EN 1995-1-1, 6.1.7 (2)]."""
+"""Factor on the width for shear, because of cracks [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
 """Imperfection factors of members [EN 1995-1-1, (6.29)]."""
 K_M = 0.7  # Factor for biaxial bending of rectangles [EN 1995-1-1, 6.1.6 (2)].
@@ -36,7 +36,7 @@ class TimberFactors:
     """Factors of timber checks.
     service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None for that of table 2.3.
     buckling_length : buckling length over the distance between nodes.
-    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start."""
+    layer : thickness (m) of straight layers that are bent into shape; 0 for members that are made in their shape."""
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -129,7 +129,7 @@ def beam_factor(slenderness: Floats) -> Floats:
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> CheckRatios:
-    """Return the checks (b, 1) of bays of lengths (b, 1), m: largest stresses on the narrowest section of a bay."""
+    """Return the checks (b, 1) of bays of lengths (b, 1), m, with the largest stresses on the narrowest section."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     largest = Stresses(*(np.max(value, axis=1, keepdims=True) for value in vars(stress).values()))
     y, z = (over * value for value in _bending(slim, largest, grade))

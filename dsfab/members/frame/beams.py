@@ -30,7 +30,7 @@ class BeamRow(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazing members."""
+    """Beams as arrays, see `Frame`. stout : (b,) member's width over its bay's length; 1 beside grazing members."""
 
     ends: Ints
     normal: Floats
@@ -138,8 +138,8 @@ def _divide_bay(
     count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     cuts = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
-    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees; the
-    # compliance of tower, vaults, gridshell is .96, 1.00, .98 of the sheet's; without this width 1.10, 1.02, 1.06
+    # a joint is wider by half of the crossing member's width, because forces spread into that member at 45 degrees;
+    # frame over sheet compliance of tower, vaults, gridshell: .96, 1.00, .98; without this width 1.10, 1.02, 1.06
     into = 0.5
     if half[0]:
         cuts, spread = np.concatenate([[s], cuts]), np.concatenate([[into * joint_widths[0]], spread])
@@ -250,7 +250,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """Return length and width (h, 2), m, of groups of points, as of rectangles: the root of 12 times the variance."""
+    """Return length and width (h, 2), m, of the rectangles with the same variances as groups of points."""
     count = np.bincount(group)
     offset = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
@@ -259,7 +259,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def fixed_in_plane(fixed: Bools, axis: int) -> Bools:
-    """Fix the supports (n, 6) of a frame in a plane against movement along `axis`, out of the plane."""
+    """Return the supports (n, 6) of a plane frame, fixed also against leaving its plane, whose normal is `axis`."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

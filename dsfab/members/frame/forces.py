@@ -7,7 +7,7 @@ from types import MappingProxyType
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.core.arrays import Floats, Ints, group_sums, lock, read_only_copy
+from dsfab.core.arrays import Floats, Ints, group_sums, lock_floats, read_only_copy
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 from dsfab.members.frame.joints import fitting
 from dsfab.statics import SectionForces
@@ -22,13 +22,13 @@ Forces are averaged over these planes, because forces of a face are constant and
 class Sections:
     """Lines in which planes across an axis cut faces. Index c counts the lines, e their ends on free edges.
 
-    station : (c,) numbers of the stations.    face : (c,).
+    station : (c,) numbers of the stations.    face : (c,) faces.
     length  : (c,) metres, divided by the number of planes at a station.
     arm     : (c, 2, 3) vectors (m) from the axis to both ends of the line.
     weight  : (c, 2, 3) barycentric weights of both ends of the line in the face.
     across  : (c, 3) unit vectors in the face, at right angles to the line, in the direction of the axis.
-    end_...  : the same for the ends on free edges; weights (e, 3).
-    end_out : (e, 3) unit vectors along the line, out of the face."""
+    end_out : (e, 3) unit vectors along the line, out of the face.
+    end_station, end_face, end_arm, end_weight, end_across : as above, for the ends; end_arm and end_weight (e, 3)."""
 
     station: Ints
     face: Ints
@@ -124,7 +124,7 @@ def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)  # Stations of a bay, as shares of its clear length between joints.
 STATIONS = len(SHARES)  # Number of stations of each bay.
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""Section forces: x along the axis, z along the surface normal, y to the left; on a section with outward normal x."""
+"""Section forces on a section with outward normal x: x along the axis, y to the left, z along the surface normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,8 +134,8 @@ class MemberForces:
     member : name of the member.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
     width  : (k,) width (m) of the section over which forces are summed.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
-             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side; Mt turns
-             about the axis."""
+             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side.
+             Mt turns about the axis."""
 
     member: str
     s: Floats
@@ -144,8 +144,7 @@ class MemberForces:
     forces: Mapping[str, Floats]
 
     def __post_init__(self) -> None:
-        for name in ("s", "width"):
-            lock(self, name, np.float64, (len(self.bay),))
+        lock_floats(self, s=(len(self.bay),), width=(len(self.bay),))
         forces = {name: read_only_copy(rows, np.float64, (len(self.s), 6)) for name, rows in self.forces.items()}
         object.__setattr__(self, "forces", MappingProxyType(forces))
 
@@ -174,16 +173,9 @@ def forces_along(
     cut = sections(surface, member.cells, axis, s)
     _, T, N = axis.frames_at(s % axis.length if axis.closed else s)
     axes = np.stack([T, np.cross(N, T), N], axis=1)
-    return MemberForces(
-        member.id,
-        s,
-        bays,
-        group_sums(cut.station, cut.length[:, None], len(s))[:, 0],
-        {
-            name: _force_sums(cut, axes, section_forces, graph, surface.normals)
-            for name, section_forces in forces.items()
-        },
-    )
+    width = group_sums(cut.station, cut.length[:, None], len(s))[:, 0]
+    sums = {name: _force_sums(cut, axes, parts, graph, surface.normals) for name, parts in forces.items()}
+    return MemberForces(member.id, s, bays, width, sums)
 
 
 def _force_sums(

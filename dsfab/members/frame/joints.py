@@ -16,7 +16,7 @@ SAME = 0.25
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """Return lengths (2,), m, of the joints at both ends of a bay, reduced so that a fifth of the bay remains."""
+    """Return lengths (2,), m, of the joints at both ends of a bay, reduced to leave a fifth of the bay."""
     clear = 0.2
     return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
@@ -226,9 +226,9 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
 
 def add_hubs(joints: AxisJoints) -> None:
     """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
-    Under a load P on the hub the spokes deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). A clamped plate deflects by
-    0.217 Pa^2/(E t^3), the ratio is 0.73. With simple supports the factors are 0.637 and 0.552, the ratio is 1.15
-    [Timoshenko, Woinowsky-Krieger 1959, 19]."""
+    Let a be the radius and t the thickness of the disc. Under a load P on the hub the spokes deflect by 0.159 P a^2 /
+    (E t^3), with 0.159 = 1 / 2 pi; a clamped plate deflects by 0.217 P a^2 / (E t^3); the ratio is 0.73. With simple
+    supports the factors are 0.637 and 0.552; the ratio is 1.15 [Timoshenko, Woinowsky-Krieger 1959, 19]."""
     for member in joints.members_with_axis:
         nodes = sorted({number for _, number in joints.on[member.id]})
         if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:

@@ -42,15 +42,15 @@ class BeamMaterial:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """Straight beams of rectangular section between nodes. SI units. The six numbers of a node are translations, then
-    rotations, about the axes of the surface. Index n counts the nodes, b the beams.
+    """Straight beams of rectangular section between nodes. SI units. The six unknowns of a node are translations along
+    the global axes, then rotations about these axes. Index n counts the nodes, b the beams.
 
              z (normal of the surface)
              |  y (in the surface)        width along y, thickness along z
         o====+==/=====o --> x             Mz bends the beam in the surface, My out of it
              | /
 
-    points    : (n, 3) metres.    nodes : (n,) names: those of the members' nodes, or a member's with a number.
+    points    : (n, 3) metres.    nodes : (n,) names of the members' nodes, or a member's name with a number.
     ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
@@ -87,14 +87,11 @@ class Frame:
         for name in ("eccentricity", "stout"):
             if not len(getattr(self, name)):
                 object.__setattr__(self, name, np.zeros(b))
-        lock(self, "points", np.float64, (n, 3))
+        lock_floats(self, points=(n, 3), normal=(b, 3), spring=(n, 6))
+        lock_floats(self, width=(b,), thickness=(b,), eccentricity=(b,), stout=(b,))
         lock(self, "ends", np.int64, (b, 2))
         lock(self, "member", np.int64, (b,))
-        lock(self, "normal", np.float64, (b, 3))
-        for name in ("width", "thickness", "eccentricity", "stout"):
-            lock(self, name, np.float64, (b,))
         lock(self, "fixed", np.bool_, (n, 6))
-        lock(self, "spring", np.float64, (n, 6))
         loads = {name: read_only_copy(values, np.float64, (n, 6)) for name, values in self.loads.items()}
         object.__setattr__(self, "loads", MappingProxyType(loads))
 
@@ -261,14 +258,14 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
 
 
 STOUT = 0.35
-"""Bays of members wider than this share of their length do not act as beams, because joints take half of the length."""
+"""Bays wider than this share of their length do not act as beams, because joints take half of the length."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
     """Results of a frame divided by those of its sheet, for one case.
 
-    The ribs of this sheet twist as bars, because a thin sheet overestimates the torsional stiffness of deep ribs.
+    Ribs of the compared sheet twist as bars, because a thin sheet overestimates the torsional stiffness of deep ribs.
 
     compliance   : ratio of the compliances, 1 for equal results.
     displacement : ratio of the largest displacements, 1 for equal results.
@@ -323,13 +320,6 @@ def agreement(
         ours, theirs = answers[name], sheet[name]
         moved = float(np.linalg.norm(ours.u[:, :3], axis=1).max())
         energy = ours.energy[stout].sum() / ours.energy.sum()
-        agreements.append(
-            FrameAgreement(
-                name,
-                ours.compliance / theirs.compliance,
-                moved / theirs.largest_displacement,
-                max(float(energy), other_energy[name]),
-                twist[name],
-            )
-        )
+        ratios = ours.compliance / theirs.compliance, moved / theirs.largest_displacement
+        agreements.append(FrameAgreement(name, *ratios, max(float(energy), other_energy[name]), twist[name]))
     return agreements
