@@ -158,8 +158,7 @@ class Chords:
 
              |                  A whole number k between the values at a face's corners gives a segment between two
         ---o-+-o---  k          sides or from a corner. If two corners have the value k, the side between is a segment.
-             |
-        """
+             |"""
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
         wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
         live = np.flatnonzero((scale > 0).all(axis=1) & wide)
