@@ -89,8 +89,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Return the polygons; a side on level l of a split gets the line lines[l, polygon]. lines : (levels or 1,
-        c or 1)."""
+        """Give sides on level l of a split the line lines[l, polygon]; lines : (levels or 1, c or 1) of `CutLines`."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -166,9 +165,7 @@ def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
 
 
 def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
-    """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997].
-
-    a, b, c : (3, g) corners."""
+    """(g,) shape 4 sqrt(3) area / (sum of squared sides) of triangles with corners (3, g) [Bank, Smith 1997]."""
     u, v = b - a, c - a
     w = v - u
     squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
@@ -215,8 +212,7 @@ def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
 
 
 def _chord_halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
-    """Cut polygons (g, size) by chords, so that the smaller part is as large as possible; return both parts, in
-    groups of equal size."""
+    """Divide polygons (g, size) by the chords that make the smaller part largest; return the parts, grouped by size."""
     size = polygons.shape[1]
     spoke = X[polygons] - X[polygons[:, :1]]
     fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
@@ -292,8 +288,7 @@ def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def cells_without_edges(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """Return masks (c,) of polygons wholly inside stripes, and wholly outside stripes; y : (h, 2) values at the
-    slots."""
+    """Return masks (c,) of polygons wholly inside and wholly outside stripes; y : (h, 2) values at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])

@@ -1,5 +1,4 @@
-"""Cuts of polygons along the stripes of a corner field, which is computed once at each vertex for all polygons
-around it."""
+"""Cuts of polygons along the stripes of a corner field, whose value at a vertex serves all polygons around it."""
 
 import dataclasses
 from dataclasses import dataclass, replace

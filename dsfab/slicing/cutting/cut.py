@@ -30,8 +30,8 @@ LEVEL_GAP = 1e-6  # Levels that differ by less than this share of the field's ra
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""A function of polygons, a field's number, and faces (m,) near blank faces: it marks material (c,) that later
-fields divide, too."""
+"""Marks material (c,) that later fields divide, too. Arguments: polygons, number of the field, faces near blank
+faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -266,7 +266,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2), at the vertices of a sheet, of a field that is linear over parts of the uncut
+    """Return values (n',) or (n', 2), at a sheet's vertices, of a field that is linear over parts of the uncut
     faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)

@@ -1,5 +1,4 @@
-"""`Sheet`: a surface cut into material and void cells; its material and its void as surfaces, and finer meshes of
-it."""
+"""`Sheet`: a surface that is cut into material and void cells. Parts of a sheet as surfaces, and finer meshes."""
 
 import dataclasses
 from collections.abc import Iterator

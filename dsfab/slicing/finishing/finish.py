@@ -43,7 +43,7 @@ from dsfab.slicing.finishing.stubs import without_stubs
 from dsfab.surface import Surface
 
 BRIDGED_SHARE, ROUNDING_ROUNDS = 0.95, 5
-"""Rounding and bridging repeat at most ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE of a neck get a bridge."""
+"""Rounding and bridging repeat up to ROUNDING_ROUNDS times. Gaps under BRIDGED_SHARE times the neck get a bridge."""
 
 PolygonPass = Callable[[PolygonMesh], tuple[PolygonMesh, int]]
 """A pass before the polygons are filled with triangles: it returns all polygons, and the number of changed details."""
@@ -98,7 +98,7 @@ class FinishingOptions(NamedTuple):
     fillet    : radius of round corners, or 0.
     member    : members narrower than this between round corners become wider; 0 for none.
     least     : least widths of openings and of members; 0 for no limit.
-    tolerance : largest move of the edges of stripes when cells are improved; None for cells as they are."""
+    tolerance : largest move of the edges of stripes when cells are improved; None for no improvement."""
 
     snap: float
     pinch: Rule
@@ -154,8 +154,7 @@ def finish(cells: Sheet, uncut: Surface, options: FinishingOptions, trial: "Tria
 
 
 def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" = None) -> Iterator[tuple[str, Pass]]:
-    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that it
-    contains."""
+    """Yield all passes over the cells in order, each with its name. A trial cut replaces the passes that made it."""
     if trial:
         unrounded = trial.unrounded
         yield "trial", lambda _: unrounded
@@ -275,7 +274,7 @@ def _with_better_cells(sheet: FinishedSheet, uncut: Surface, tolerance: float) -
 class TrialCut:
     """The cut of a pattern from the search for its widths. Slicing with the same options continues from this cut.
 
-    inputs  : fields, levels and tidy of the pattern.    cells : as they were cut.
+    inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
     least   : least widths of openings and members, metres, and the sheet that keeps them."""
 

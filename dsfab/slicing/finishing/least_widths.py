@@ -32,7 +32,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings, narrower than `least` metres and by `LOCAL`."""
+    """(k, 2, 3) points on both sides of members between openings, under `least` metres and `LOCAL` median widths."""
     if not cells.has_openings:
         return NOWHERE
     material = cells.material_part
@@ -56,8 +56,7 @@ def _crossings_from_openings(material: SheetPart, **options: Any) -> Crossings:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members under `least` metres, also of members between an opening and an
-    edge."""
+    """(k, 2, 3) points on both sides of members under `least` metres, between openings or at an edge of the surface."""
     if not cells.has_openings:
         return NOWHERE
     across = _crossings_from_openings(cells.material_part, reach=least)
@@ -114,7 +113,7 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
     """Bridge openings narrower than `least` m in a rounded sheet, by strips of `width` m; return also the number.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
-    Therefore this function measures as `features` does."""
+    This function measures in space, as `features` does."""
     for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
@@ -135,7 +134,7 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
 
 
 def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bools]:
-    """The necks of openings, and a mask (o,) of the openings that are too narrow everywhere."""
+    """Return the necks of openings, and a mask (o,) of openings that are too narrow everywhere."""
     flat, walls, openings = flat_openings_of(cells), cells.walls, openings_of(cells)
     assert openings is not None
     necks, lost = [], np.zeros(openings.count, dtype=bool)
@@ -153,7 +152,7 @@ def _necks_and_lost_openings(cells: Sheet, width: float) -> tuple[list[Neck], Bo
 
 
 def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
-    """The strips between both walls of necks, except strips that would not end at the second wall."""
+    """Return strips between both walls of necks, without strips that would not end at the second wall."""
     bridges = []
     for neck in necks:
         half = np.array([float(np.linalg.norm(neck.ends[1] - neck.ends[0])) / 2 + REACH * width, width / 2])
@@ -190,9 +189,7 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 MOST_ROUNDS = 40  # Most rounds of strips; a round adds only strips that do not touch.
 TURNS = 6  # Most rounds of widening and bridging, because wider members leave narrower openings.
-SNAP = 0.05
-"""Vertices within this share of half a strip's width move onto the strip's side, because tiny edges ruin finite
-elements."""
+SNAP = 0.05  # Vertices within this fraction of half a strip's width move onto its side, to avoid tiny edges.
 
 
 class LeastWidths(NamedTuple):
@@ -211,7 +208,7 @@ def with_least_widths(
 ) -> LeastWidths:
     """Add material where openings are narrower than `gap`, or members than `member`, metres; 0 for no limit.
 
-    Members that are not narrow by `LOCAL` stay as they are, and so do members between two edges of the surface.
+    Members wider than `LOCAL` usual widths stay, and so do members between two edges of the surface.
 
     merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
     neck  : metres; narrower openings that widening leaves get bridges, too."""
@@ -234,7 +231,7 @@ def with_least_widths(
 
 
 def _until_stable(change: Callable[[Sheet], tuple[Sheet, int]], cells: Sheet, rounds: int) -> tuple[Sheet, int]:
-    """Change cells until a round changes nothing, or all rounds are over; return also the number of changes."""
+    """Change cells until a round changes nothing, or for `rounds` rounds; return also the number of changes."""
     total = 0
     for _ in range(rounds):
         cells, count = change(cells)

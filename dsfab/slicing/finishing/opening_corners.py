@@ -46,8 +46,8 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre through both feet; distances (k, 2) of the lines from the
-        origin.
+        """Unit normals (k, 2, 2) of the lines from the centre through both feet, and the lines' distances (k, 2) from
+        the origin.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -95,7 +95,7 @@ def tangent_arcs(a: Floats, b: Floats, radius: Floats, first_centre: Floats | No
 
 
 def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) middles of circles that touch the first walls, and a mask of those in the void."""
+    """(k, 2) centres of circles that touch the first walls, and a mask of centres in the void."""
     u, v = (unit_vectors(line[:, 1] - line[:, 0]) for line in (a, b))
     left_normal, right_normal = np.stack([u[:, 1], -u[:, 0]], axis=1), np.stack([-v[:, 1], v[:, 0]], axis=1)
     centre, in_void = circle_centres(a[:, 0], left_normal, b[:, 0], right_normal, radius)
@@ -104,7 +104,8 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) the points at distance `radius` from lines through p and q with unit normals m and n."""
+    """(k, 2) points at `radius` from lines through p and q with unit normals m and n; mask, False for parallel
+    lines."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -157,8 +158,7 @@ class Corners:
         return Stretches.from_chains(self.walls, chain, self.place - arcs.way_a, arcs.way_a + arcs.way_b)
 
     def with_arc_feet(self, tips: "Corners", arcs: Arcs) -> "Corners":
-        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs as corners that do not
-        turn."""
+        """Return the corners outside disjoint arcs (p,) at `tips`, and the feet of these arcs with a turn of 0."""
         walls, chain = self.walls, self.walls.chain[tips.first]
         free = ~tips.stretches(arcs).covers(walls.chain[self.first], self.place)
         feet = np.concatenate([tips.place - arcs.way_a, tips.place + arcs.way_b]) % np.tile(walls.total[chain], 2)
@@ -248,7 +248,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # less than 1, because the margin of `rooms` is larger
+        fits = 0.995  # allows for rounding errors, because the margin of `rooms` is larger
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 
@@ -271,7 +271,7 @@ class Corners:
         return np.asarray(np.einsum("pqi,pji->pqj", points, self.frames[rows]))
 
     def between_feet(self, rows: Ints, arcs: Arcs, vertex: Ints) -> Bools:
-        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of them."""
+        """Mask (p,) of vertices on the wall between the feet of arcs (p,), or within 2 % of the radius of a foot."""
         walls = self.walls
         wall = np.full(walls.surface.n, -1)
         wall[walls.start] = np.arange(len(walls.start))

@@ -1,8 +1,8 @@
 r"""`without_spikes`: cut off teeth of a member that stick out into an opening, along their chord.
 
 opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
-   .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
-__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void, because no member needs it.
+   .             Such a tooth remains where a removed stub overlapped another stripe, or where a stripe ends at a
+__/ \\____       sharp angle on a rim. The part beyond the chord a-b becomes void, because no member needs this part.
  a  b  member"""
 
 from dataclasses import replace
@@ -20,7 +20,7 @@ from dsfab.slicing.finishing.openings import disjoint_groups
 SHARP = float(np.radians(60))
 """Least angle, radians, by which the outline turns back at a tip. At bends and crossings of members it turns less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""Longest outline of a tooth, in mean widths of members: `FAR` for a spur with a chord under `THIN`, else `LONG`."""
+"""Longest outline of a tooth, in mean widths of members: `FAR` if its chord is under `THIN` widths, else `LONG`."""
 
 
 class Spike(NamedTuple):
@@ -81,9 +81,9 @@ def _member_width(cells: Sheet) -> float:
 
 
 def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest`.
+    """Re-entrant corners before (step -1) or behind (1) a tip, up to `longest` metres along the walls.
 
-    Each corner is a pair: the number of walls between it and the tip, and their length in metres."""
+    Each corner is a pair: the number of walls between the corner and the tip, and the length of these walls, metres."""
     corners, length, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (previous_wall, wall), exists = walls.walls_ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
@@ -106,7 +106,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
         return None
     spike = Spike(outline, member_cells, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    lowest = max(0.04 * width, 0.25 * length)  # lower ones are tiny, or bends of a member
+    lowest = max(0.04 * width, 0.25 * length)  # lower teeth are tiny, or bends of a member
     if height.min() < 0 or height.max() < lowest:
         return None
     reached = _cells_beyond_chord(cells, spike)

@@ -16,7 +16,7 @@ from dsfab.slicing.finishing.stubs import with_crossings
 from dsfab.surface import Surface, link_components
 from dsfab.surface.fields import CornerField
 
-TINY = 1e-12  # Least length (m) that divides a vector, so that a bar that ends where it begins gives no NaN.
+TINY = 1e-12  # Least divisor, metres, so that a bar without length gives no NaN.
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +36,8 @@ class FairBar:
 
     @classmethod
     def straight(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """Return the straight bar in place of polygons (c,), as wide as its narrower contact. Return None without two
-        contacts that are nearly square to the bar."""
+        """Return the straight bar in place of polygons (c,), as wide as its narrower contact; or None without two
+        contacts that are nearly perpendicular to the bar."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -89,7 +89,7 @@ class FairBar:
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def deviation(self, mesh: PolygonMesh) -> float:
-        """Largest distance by which the old outline lies outside the new outline, divided by the width."""
+        """Largest distance by which the old outline lies outside the new outline, divided by the bar's width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -135,12 +135,10 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     return np.array(contacts)
 
 
-ASKEW = 0.25  # Bars stay if their outline is nearer to a straight bar than this share of their width.
-UNEVEN = 0.12  # Bent bars stay if their outline is nearer to an evenly bent bar than this share of their width.
-FAR = 1.5
-"""Bars stay if their outline is farther from the new outline than this share of their width.
-Such bars bend in another way, or a further member touches them."""
-SNAP = 0.02  # Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers.
+ASKEW = 0.25  # Bars with a smaller `deviation` from a straight bar stay.
+UNEVEN = 0.12  # Bent bars with a smaller `deviation` from an evenly bent bar stay.
+FAR = 1.5  # Bars with a larger `deviation` stay: they bend in another way, or a further member touches them.
+SNAP = 0.02  # Vertices nearer to a side than this fraction of the width move onto the side, to avoid slivers.
 LARGER = 2.5  # A bar may not become larger or smaller by this factor.
 
 
@@ -205,7 +203,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
 
-    The mesh is None if the area of the bar would change much."""
+    The mesh is None if the area of the bar would change by the factor `LARGER`."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

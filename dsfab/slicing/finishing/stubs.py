@@ -9,7 +9,7 @@ are a bar across one opening, or a hook beside a member, with a lump at the node
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without stubs one opening remains. The size of an opening is its 4 area / perimeter, divided by the median of all."""
+Without stubs one opening remains. The size of an opening is 4 area / perimeter, divided by the openings' median."""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -26,8 +26,8 @@ from dsfab.surface import link_components
 LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
 EYELET, LARGER = 0.5, 2.5
-"""An eyelet is an opening smaller than EYELET times its neighbour. For stubs around it LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size, because such a stub divides them well.
+"""An opening under EYELET times its neighbour is an eyelet. For stubs around an eyelet LARGER replaces `LARGE`."""
+GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size: they divide a large opening.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
@@ -170,8 +170,8 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of each chosen bar, -1 for other bars, and the number of groups. Bars at the same opening are a
-        group."""
+        """Group (b,) of each chosen bar, -1 for other bars; and the number of groups. Bars at a common opening are
+        a group."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]
