@@ -53,14 +53,14 @@ def outline_corners(sheet: Sheet) -> Floats:
     return np.asarray(sheet.surface.V[low < high])
 
 
-LEAST = 1e-7  # Parts of a segment, and gaps in it, that are shorter than this share of its length are rounding errors.
+LEAST = 1e-7  # Parts and gaps of a segment under this fraction of the segment's length are rounding errors.
 
 
 class Spans(NamedTuple):
     """Parts (p,) of segments that lie on cells of a sheet.
 
     segment : (p,) segment of each part.    begin, end : (p,) positions on the segment, 0 to 1.
-    of_pair, cell : (q,) a part and a cell that it crosses, for each such pair."""
+    of_pair, cell : (q,) pairs of a part and a cell that the part crosses."""
 
     segment: Ints
     begin: Floats
@@ -72,10 +72,9 @@ class Spans(NamedTuple):
 def clip_segments(chart: Chart, face: Ints, view_ends: Floats, segment: Ints, sheet: Sheet, F: Ints) -> Spans:
     """Return the parts of segments that lie on cells of a sheet.
 
-    Each row is a view of a segment from a face; a segment on an edge may have two views, one from each face.
-    face        : (v,) the chart's face of each view.
+    A view is a segment as a face sees it; a segment on an edge may have two views, one from each face.
+    face        : (v,) the chart's face of each view.    segment : (v,) number of the segment.
     view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of this face.
-    segment     : (v,) number of the segment.
     F           : (m, 3) the uncut faces."""
     corners = _parent_coordinates(chart.weights, chart.surface.F[face], chart.parent[face], F)
     ends = view_ends @ corners  # barycentric coordinates on the uncut faces
@@ -100,7 +99,8 @@ def _parent_coordinates(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) 
 
 
 def _span_inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin for none."""
+    """Begin and end (q,) of the part of each segment (q, 2, 2) inside its triangle (q, 3, 2); end < begin if
+    outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
@@ -130,7 +130,7 @@ def _merge_spans(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans
 
 
 class Middle(NamedTuple):
-    """A middle line of a member: its points (k, 3), metres, and the number of the line on most of its length."""
+    """A middle line of a member: its points (k, 3), metres, and the line's number on most of its length."""
 
     number: int
     points: Floats
@@ -191,7 +191,7 @@ class Chords:
 def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
     """Nodes (v, 2) at which segments end, and points (nodes, 3), metres.
 
-    An end is a corner of the face if `at_corner`, else a point of the side that begins there, at `share` of its length.
+    An end is a corner of the face (`at_corner`), or lies at the fraction `share` of the side that begins at the corner.
     """
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # vertices on both sides of a cut become one
     F = vertex.ravel()[chart.surface.F]
@@ -215,7 +215,7 @@ def member_middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, 
 
     half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
     sheet      : the material.    F : (m, 3) the uncut faces.
-    passing    : families of members that cross these members. Lines in cells of such families alone are left out."""
+    passing    : families of members that cross these members. Lines only in cells of these families are left out."""
     chords = Chords.from_chart(chart, family, half_width)
     spans = clip_segments(chart, chords.face, chords.at, chords.of, sheet, F)
     through = np.isin(sheet.family[spans.cell], passing, invert=True)
@@ -257,7 +257,6 @@ def dominant_number(number: Ints, weight: Floats) -> int:
 
 
 BOUNDARY = "boundary"  # The name of the family of edges on the boundary of the uncut surface.
-
 STRIPES = ("major", "minor")  # The families of a chart, in its order.
 
 
@@ -269,8 +268,7 @@ class CornerLines(NamedTuple):
 
 
 Phase = Floats | CornerLines | None
-"""Phase z (n,) on the uncut surface, a whole number at the middles of stripes; or values at corners; None without
-stripes."""
+"""Phase (n,) on the uncut surface, whole at the middles of stripes; or values at corners; None without stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:

@@ -51,13 +51,13 @@ class Overlay:
     """A material sheet that is also divided along hidden edges, and the stripes of each cell.
 
     sheet  : m cells, all of them material; `family` is the field that made each cell.
-    source : (m,) the cell before this division that each cell is a part of.
+    source : (m,) the undivided cell that contains each cell.
     part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
-    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. It is never 0, so
-             that the line crosses two sides of a cell or none. Cells at an edge agree on the values there up to a sign.
-    """
+    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. Offsets are never
+             0, so that the line crosses two sides of a cell or none. At a common edge, two cells have equal offsets up
+             to a sign."""
 
     sheet: Sheet
     source: Ints
@@ -170,8 +170,8 @@ class _BandOnCells:
     def offsets(self, in_stripe: Bools) -> Floats:
         """Return z - number (m, 3) on triangles in the mask, NaN elsewhere.
 
-        A zero becomes a tiny number, with the same sign in all triangles at its vertex. So every line crosses
-        triangles."""
+        A zero becomes a tiny number of equal sign in all triangles at its vertex, so that every line crosses triangles.
+        """
         offset = np.where(in_stripe[:, None], self.z - np.where(in_stripe, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(offset) < ZERO
         offset[zero] = 0.0
@@ -192,7 +192,7 @@ def _labelled_overlay(sheet: Sheet, source: Ints, stripes: list[_BandOnCells], b
     reach = [_value_ranges(stripe_values.z, source) for stripe_values in stripes]
     for k, stripe_values in enumerate(stripes):
         own_cells = sheet.family == k
-        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # `slicing.snap` moves edges
+        in_own_band |= own_cells & stripe_values.inside(0.1 * reach[k])  # because `slicing.snap` moves edges
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= in_own_band & (sheet.family == k)
