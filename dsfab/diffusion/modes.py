@@ -17,10 +17,10 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR_MOMENT = 1e-2
-"""A moment below this share of its natural size counts as zero; inertias that differ by a smaller share count as
-equal."""
+"""Moments, and differences of inertias, below this fraction of their natural size count as zero."""
 
 
+@one_blas_thread()
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
     """Return right-handed orthonormal axes (3, 3), by rows, that rotate with the surface.
 
@@ -31,11 +31,6 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards positive
     third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any rotation of
     its pattern about this axis is equally good."""
-    with one_blas_thread():
-        return _axes(surface, weights, vectors)
-
-
-def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]) -> Floats:
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]
@@ -78,7 +73,7 @@ def _axis_sign(axis: Floats, third_moment: float, largest: float) -> float:
 
 
 REPEATED = 1e-6  # Eigenvalues count as repeated if their relative difference is smaller.
-VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if this part of it lies in the eigenspace.
+VISIBLE = 1e-2  # A reference field fixes a basis or a sign only if a larger part of it lies in the eigenspace.
 SPARE = 2
 """Number of eigenpairs computed beyond the requested number, so that a repeated last eigenvalue is mostly complete."""
 

@@ -16,11 +16,10 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Shift of the inverse iteration, over the squared spacing: it makes the matrix definite and changes no eigenvector."""
+"""Shift of the inverse iteration times the squared spacing: it makes the matrix definite and keeps its eigenvectors."""
 FLOW = 0.25  # A round of diffusion lasts the time 1 / tau with tau = `FLOW` (2 pi / spacing)^2.
 LOCKED_PHASE = 0.05
-"""A locked phase that misses its target by less (in periods) is set to the target, so that edges get straight
-members."""
+"""A locked phase within this number of periods of its target becomes the target, so that edges get straight members."""
 LOCK = 3.0  # Weight of a locked phase, as a multiple of (2 pi / spacing)^2.
 
 
@@ -41,8 +40,7 @@ class Flow:
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth of the phase (e,), periods, from the first end of an edge to the second, with the sign of g at the
-        first end."""
+        """Growth (e,) of the phase over each edge, periods, from its first end on and with the sign of g there."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -71,8 +69,7 @@ class Flow:
         start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
         aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
-        free  : true to begin without locked vertices, because phases that start from these may meet out of step in
-                between.
+        free  : true to begin without locked vertices, because phases that start from two of these may not fit together.
         rounds : number of rounds of diffusion and normalisation, in which pairs of dislocations meet and vanish."""
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
@@ -257,8 +254,9 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face. Each face has the sign and
-    shift relative to an earlier face. Each round adds those of the earlier face, so paths to the first face halve."""
+    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face. Each face has its sign and
+    shift relative to an earlier face. Each round adds the earlier face's sign and shift, so paths to the first face
+    halve."""
     child = order[1:]
     if not len(child):
         return

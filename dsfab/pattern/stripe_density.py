@@ -72,10 +72,9 @@ def halving(u: Floats, mass: Floats, allowed: bool = True) -> Halving:
     """Return the halvings that make the spacing of stripes most even, from the logarithm u (n,) of their density.
     The least density after halving is searched from the median down to a quarter of it, in steps of 1/20 of a power of
     two. The best has the smallest ratio of two spacings: 5 % of the surface have wider, and 5 % narrower spacing. Each
-    halving must lower it by 5 %, because it ends members; halvings on the densest 2 % of the surface do not count."""
+    halving must lower this ratio by 5 %, because halvings end members; the densest 2 % of the surface do not count."""
     if not allowed:
         return Halving(0, np.zeros_like(u), np.zeros_like(u), RANGE)
-
     ascending = np.argsort(u, kind="stable")  # quantiles of sorted values are fast
     sorted_u, sorted_mass = u[ascending], mass[ascending]
 

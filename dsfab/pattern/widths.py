@@ -108,7 +108,7 @@ def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
     """Return means (n, ...) of values x (m, ...) of faces over about a disc of `radius` (m) around each vertex.
-    Each mean includes at least two rings of faces, and follows the surface, not through a gap between sheets."""
+    Each mean includes at least two rings of faces, and never faces across a gap between sheets."""
     average = _averaging(surface)
     means = average @ x
     # the variance of a round is h^2 / 3 on a regular mesh of width h; the variance of a disc is R^2 / 4
@@ -186,7 +186,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or twice the solution itself, by secants from 1; else None."""
+    """Return an interval around the solution, or the solution as both ends, by secants from 1; else None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:
@@ -199,7 +199,7 @@ def _secant_interval(
 
 
 def _bracket(evaluate: Callable[[float], _End], target: float, tolerance: float) -> tuple[_End, _End]:
-    """Return an interval around the solution, or twice the solution itself, from the factors 0, 1, 4, 16 ..."""
+    """Return an interval around the solution, or the solution as both ends, from the factors 0, 1, 4, 16 ..."""
     start = evaluate(1.0)
     if _miss(start) <= tolerance:
         return start, start
