@@ -70,8 +70,7 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS difference of a field (n,) from its images over the area, divided by the field's
-        RMS."""
+        """Return the largest RMS over the area of a field (n,) less its image, divided by the field's RMS."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size

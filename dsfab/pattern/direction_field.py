@@ -59,7 +59,7 @@ def family_crossings(frames: Frames, along: Floats) -> Bools:
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     crossed, unvisited = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while unvisited.any():
-        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # equal in spite of rounding errors
+        root = int(np.argmax(np.where(unvisited, np.rint(area / 1e-6), -1)))  # rounded, so that equal areas stay equal
         order, predecessor = breadth_first_order(tree, root, directed=False)
         unvisited[order] = False
         for child in order[1:].tolist():
@@ -118,8 +118,7 @@ def _path_edges(surface: Surface, face: int, predecessor: Ints, singular: Bools)
 
 
 def _path_ends(surface: Surface, singular: Bools) -> Ints:
-    """Return for each face (m,) the number of the singular face or boundary at which a path may end there; 0 for
-    none."""
+    """Return for each face (m,) the number of the singular face or boundary at which a path may end; 0 for none."""
     edges = surface.edges
     count, loop = link_components(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -178,7 +177,7 @@ class StressDirections:
 
 RISE = (0.02, 0.75)
 """Limits of the mean squared slope (sine) of a shell with arches: a flat plate has 0, half a sphere 2/3, a tower 1."""
-CLEAR_SHARE = 0.75  # Least share of a family's area on which the words for the family are true.
+CLEAR_SHARE = 0.75  # Least share of a family's area on which its title, such as pressed, must be true.
 
 
 class FamilyRole(NamedTuple):

@@ -99,8 +99,7 @@ def _snapped_distances(surface: Surface, distance: Floats, reach: float) -> Floa
 
 
 def _undivided_field(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """Return a region's field (n,) on undivided faces, by straight distances if these equal distances along the
-    surface."""
+    """Return a region's field (n,) on undivided faces; straight distances replace equal distances along the surface."""
     origins, reach = region
     near_vertices = np.unique(surface.F[distances.reached])
     straight = euclidean_distances(
@@ -223,8 +222,8 @@ def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. It is straight for
-    patches, and along the surface for points and curves, as in `distance_to_boundary`."""
+    """Return the distance (n,), metres, to marked vertices and the edges and faces between them. The distance to a
+    patch is straight; the distance to points and curves is along the surface, as in `distance_to_boundary`."""
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)

@@ -212,8 +212,7 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(requested)))
 
     def _open_half_widths(self, requested: Floats, widths: Widths) -> Floats:
-        """Return half-widths (n,), at most so wide that openings stay open; `widths.min_gap` may close narrow
-        openings."""
+        """Return half-widths (n,) at which openings stay open, except openings that `widths.min_gap` closes."""
         d = np.minimum(requested, self._crowded_half_width(requested))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 

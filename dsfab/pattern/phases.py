@@ -34,13 +34,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """Sign (e,): 1 if g points to one side at both ends of an edge, -1 if it is reversed."""
+        """Sign (e,): 1 if g points to the same side at both ends of an edge, else -1."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """Growth (e,) of the phase over each edge, periods, from its first end on and with the sign of g there."""
+        """Growth (e,) of the phase along each edge, periods, from the first end and with the sign of g at that end."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -62,9 +62,10 @@ class Flow:
     ) -> Floats:
         """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each with the sign of g at its vertex.
 
-        They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed.
-        The first minimum is over all psi with a common norm, the second over psi of size 1 everywhere, by diffusion and
-        normalisation in turns [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
+        The phases are angles of complex numbers psi. These minimise the sum of w |psi_j - e^{2 pi i turn} psi_i|^2 over
+        the edges of weight w, with psi_i conjugated if g is reversed. The first minimum is over all psi with a common
+        norm. The second minimum is over psi of size 1 everywhere, by diffusion and normalisation in turns [Merriman,
+        Bence, Osher 1992; on phases Viertel, Osting 2019].
 
         start : (n,) start of the iteration; without locked vertices, a line runs through its peak.
         lock  : (n,) vertices on the centre line of a stripe.
@@ -254,9 +255,8 @@ def _aligned_phase(surface: Surface, phase: CornerPhase) -> CornerPhase:
 def _propagate(
     link: csr_array, order: Ints, predecessor: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats
 ) -> None:
-    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face. Each face has its sign and
-    shift relative to an earlier face. Each round adds the earlier face's sign and shift, so paths to the first face
-    halve."""
+    """Set signs and shifts (m,) of the faces in the `order` of a search from a first face, by pointer doubling.
+    Each face has its sign and shift relative to an earlier face. Each round halves the paths to the first face."""
     child = order[1:]
     if not len(child):
         return

@@ -151,9 +151,8 @@ def solved_factor(
     jump     : if `share` jumps past the target, error at which the nearest value still counts.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method is regula falsi on an interval around the solution; it halves the value at an end that stays twice
-    (Illinois rule [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a
-    jump)."""
+    The method is regula falsi on an interval around the solution. The value at an end that stays twice is halved: the
+    Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor gives the target, or ShareJumpError."""
 
     @cache
     def evaluate(factor: float) -> _End:

@@ -18,8 +18,7 @@ class Cells:
     """Polygons as a ragged array: polygon i has the corners corner[start[i] : start[i + 1]].
 
     start    : (c + 1,).    corner : (h,) vertices.
-    sides_on : (h,) the line of each side, a row of `CutLines`; 0 for none. A split gives sides on level l the line -1
-               - l.
+    sides_on : (h,) the line of each side, a row of `CutLines`; 0 for none; -1 - l on level l of a split.
 
     A slot is an index into `corner`. A slot also stands for the side from its corner to the next corner."""
 
@@ -134,14 +133,15 @@ class Cells:
 
 
 LARGEST = 9
-"""Most corners of a polygon that `triangulate` does not halve first. Its time grows with the cube of this number."""
+"""Larger polygons are halved before `triangulate` fills them, because its time grows with the cube of the corners."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
     """Divide convex polygons into triangles (m, 3), oriented alike; return also the polygon (m,) of each, ascending.
 
-    X : (n, 3) positions. Polygons may have corners of 180 degrees but must have an area. Then every triangle has an
-        area. Each side of a polygon is a side of one triangle, so that neighbouring polygons fit."""
+    X : (n, 3) positions.
+    Polygons may have corners of 180 degrees but must have an area. Then every triangle has an area, too. Each side of
+    a polygon is a side of one triangle, so that neighbouring polygons fit."""
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
         which = np.flatnonzero(cells.sizes == size)
@@ -247,8 +247,7 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Return x (n,) with values moved onto levels (k,) that are nearer than `fraction` of the largest range over an
-    edge.
+    """Return x (n,) with values moved onto levels (k,) within `fraction` of the largest range over their edges.
 
     sides : both vertices of each edge.    difference : range of x over each edge.    free : (n,) values that may move.
     """
@@ -263,10 +262,9 @@ def snap_values(
 
 
 def snap_value_pairs(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """Return x (n, 2) with pairs moved, so that one value of a pair near a level (k,) lies on the level.
+    """Move pairs of values x (n, 2), so that one value near a level (k,) lies on the level; return the moved pairs.
 
-    reach : (n, 2) largest range of each field over the edges at a vertex. A level is near within `fraction` of this
-            range.
+    reach : (n, 2) largest range of each field over the edges at a vertex; `fraction` of this range counts as near.
 
     Both values move equally, so that a stripe keeps its width, but no value moves across a level. Two fields at a
     constant distance move like a single field that has the levels of both fields."""

@@ -25,7 +25,7 @@ from dsfab.surface.fields import CornerField
 class PolygonField:
     """A corner field on the vertices of a mesh of polygons.
 
-    values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
+    values : (n', 1 or 2) at each vertex, in the sign and shift of the face `lead` (n',).
     sign, shift : (h,) the value at a slot is sign * value + shift.    blank : (h,) True for slots without a value."""
 
     mesh: PolygonMesh
@@ -179,14 +179,14 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """(c,) mask of void polygons in blank faces whose outline runs along stripes on more than half of its length."""
+    """(c,) mask of void polygons in blank faces, with stripes along more than half of their outline."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
     owner, corner, ahead = mesh.cells.owner, mesh.cells.corner, mesh.cells.next_values(mesh.cells.corner)
     touched = np.zeros(len(mesh.X), dtype=bool)
     touched[corner[inner[owner]]] = True
-    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # other sides belong to no such polygon
+    candidates = np.flatnonzero(touched[corner] & touched[ahead])  # includes all sides of these polygons
     p, q, polygon = corner[candidates], ahead[candidates], owner[candidates]
     length = np.linalg.norm(mesh.X[p] - mesh.X[q], axis=1)
     order, begins, edge = equal_key_groups(np.minimum(p, q) * len(touched) + np.maximum(p, q))
@@ -246,7 +246,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move single values onto levels that are nearer than the fraction `tip`."""
+        """Move values of one side, each alone, onto levels within the snap fraction `tip`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -267,7 +267,7 @@ class StripeCut:
         return state._after_split(split, side)
 
     def cut_along_levels(self, side: int, above: bool) -> tuple["StripeCut", Ints]:
-        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also each strip (c',).
+        """Cut the active polygons along the levels of the upper (0) or lower (1) field; return also the strips (c',).
 
         above : whether a polygon that lies on a level belongs to the strip above. Every new polygon has an area."""
         state = self.with_snapped_values(side)

@@ -30,8 +30,7 @@ LEVEL_GAP = 1e-6  # Levels that differ by less than this share of the field's ra
 
 Field = Floats | CornerField | DividedField
 DividedAgain = Callable[[PolygonMesh, int, Bools], Bools]
-"""Marks material (c,) that later fields divide, too. Arguments: polygons, number of the field, faces near blank
-faces."""
+"""Marks material (c,) for later fields to divide. Arguments: polygons, number of a field, faces near blank faces."""
 
 
 def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05) -> Sheet:
@@ -173,10 +172,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints, Ints]:
-    """Fill polygons with triangles; return also the polygon (m',) of each, ascending, and the lines (m', 3) of the
-    sides.
+    """Fill polygons with triangles; return also the polygon (m',) of each, ascending, and the lines (m', 3) of sides.
 
-    parent : (c,). Raises PatternError for triangles without area, with the numbers of their parent faces."""
+    parent : (c,) faces. Raises PatternError for triangles without area, and names their parent faces."""
     F, cell = triangulate(cells, X)
     try:
         return Surface(X, F), cell, cells.triangle_sides(F, cell)
@@ -266,8 +264,7 @@ def with_polygons(sheet: Sheet, mesh: PolygonMesh, source: Ints) -> Sheet:
 
 
 def divided_field_values(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """Return values (n',) or (n', 2), at a sheet's vertices, of a field that is linear over parts of the uncut
-    faces."""
+    """Return values (n',) or (n', 2) at a sheet's vertices, for a field that is linear over parts of uncut faces."""
     divided, F = field.divided, sheet.surface.F
     values = sheet.carry(field.at_vertices)
     parts = divided.cut_parts()

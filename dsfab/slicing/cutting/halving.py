@@ -1,8 +1,8 @@
 """Halving: where two families of lines crowd, every second line is left out, or three lines of four.
 
-Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So each opening has one
-level: for the first family, openings between the lines of both families that always stay; for the second family,
-openings that the remaining lines of the first family divide further."""
+Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So all of an opening has
+one level. The first family is halved in the openings between lines that always stay. Then the second family is halved
+in the openings that the remaining lines of the first family make."""
 
 from dataclasses import dataclass, replace
 
@@ -22,9 +22,9 @@ Stress makes lines crowd; structures are up to a tenth softer without these line
 
 @dataclass(frozen=True, eq=False)
 class LineHalving:
-    """A surface divided along the lines at which levels change.
+    """Polygons between lines after halving, and the number of halvings in each polygon.
 
-    mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
+    mesh   : the polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : both fields; values near whole numbers are moved onto them.
     first  : the family that was halved first; lines of the second family may end on its lines."""
 
@@ -112,7 +112,7 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """(p,) mask of inner edges on a drawn line: a multiple of the smaller of the periods (c,) of both polygons.
+    """(p,) mask of inner edges on drawn lines, which lie at multiples of the smaller period (c,) of both polygons.
 
     The function compares the middles of both strips, because half-integers stay exact under sign and shift. All sides
     of blank faces are walls."""
@@ -129,8 +129,7 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, target: Floats, uncapped_target: Floats, level_limit: int) -> Ints:
-    """(c,) halvings in each polygon's opening: the mean target, rounded down by `split_value`, and at most
-    `level_limit`.
+    """(c,) halvings in each polygon's opening: the mean target, rounded down by `split_value`, up to `level_limit`.
 
     Uncapped targets are used if they make spacings more even by `GAIN`. For example, an opening with targets 2 and 0.4
     is halved once under a limit of 1; with targets capped at 1 the mean is below 1."""

@@ -167,8 +167,7 @@ class Contacts:
     """Stretches (k,) of outline along which two parts (p,) touch.
 
     parts  : (k, 2) both parts; the second is -1 for an edge of the surface or an anchor.    length : (k,) metres.
-    links  : (l, 2) consecutive stretches around a part. Stretch i has number i for its first part, i + k for its
-             second.
+    links  : (l, 2) consecutive stretches around a part; stretch i is i for its first part, and i + k for its second.
     around : (p,) length of each part's outline, metres."""
 
     parts: Ints
@@ -261,7 +260,7 @@ class Contacts:
 
 
 def adjacent_sides(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs (l,), (l,) of sides that share a group (k,) and a vertex. ends : (k, 2) vertices, below `count`."""
+    """Return pairs (l,), (l,) of sides (k,) with equal `group` and a common vertex; ends : (k, 2) vertices < count."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

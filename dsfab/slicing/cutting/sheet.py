@@ -287,8 +287,7 @@ def weight_entries(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def hydraulic_diameters(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) hydraulic diameters 4 area / perimeter, metres, of pieces of a part; infinite for pieces without closed
-    walls.
+    """(count,) hydraulic diameters 4 area / perimeter, metres, of pieces of a part; infinite without closed walls.
 
     walls : (e,) mask of edges.    label : (f,) the piece of each face, below `count`."""
     length = part.edge_lengths

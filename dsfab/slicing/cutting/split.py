@@ -53,7 +53,7 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """A field at both ends of every side of polygons, (h,) each, as the side's polygon sees it.
+    """A field at both ends of every side of polygons, (h,) each, in the sign and shift of the side's polygon.
 
     foreign : (k,) sides whose polygon has no value; they take the values of the polygon across the side.
     own     : (h,) the field at the slots."""
@@ -113,8 +113,8 @@ class SideValues:
 class _Sides:
     """Crossings of the sides of polygons with levels, (h,) each.
 
-    low   : number of levels at or below the lower end.    count : number of levels strictly between both ends; 0
-            without an active polygon.
+    low   : number of levels at or below the lower end.
+    count : number of levels strictly between both ends; 0 without an active polygon.
     first : the new vertex nearest to the lower end; all polygons with this side share its new vertices.
     up    : the side runs from the lower to the higher end.    flat : the side lies wholly on a level.
     along : the numbers of the new vertices increase along the side.
@@ -272,7 +272,7 @@ def _flat_sides_relabelled(cells: Cells, strip: Ints, flat: Bools) -> Ints:
 def _strip_polygons(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
     """Divide polygons into a polygon for each strip: the sides in this strip, closed by chords.
 
-        b            Sides a-b and c-d are of strip 1. Each gives its first corner. It also gives its last corner
+        b            Sides a-b and c-d are of strip 1. A side gives its first corner, and also its last corner
       / |  strip 2   if the next side is of another strip (b and d). So a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c

@@ -22,8 +22,7 @@ class Walls:
     inside, outside : (w,) the half-edge of the void cell, and the half-edge of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
     chain  : (w,) number of the wall's chain.    begin : (c + 1,) first wall of each chain.
-    total  : (c,) length of each chain, metres.    closed : (c,) False for chains that end on the boundary of the
-             surface."""
+    total  : (c,) length of each chain, metres.    closed : (c,) False if a chain ends on the surface's boundary."""
 
     surface: Surface
     void: Bools
@@ -75,8 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after walls (k,) in their chains; and a mask, False beyond an open chain's
-        end."""
+        """(k,) the walls `steps` (k,) after walls (k,) in their chains; mask, False beyond the end of an open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps
@@ -95,7 +93,7 @@ class Walls:
         return np.clip(wall, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) the points at shares (k,) of the lengths of walls (k,)."""
+        """(k, 3) points at positions `share` (k,), 0 to 1, on walls (k,)."""
         segment_start, segment_end = self.surface.V[self.start[wall]], self.surface.V[self.end[wall]]
         return np.asarray(segment_start + share[:, None] * (segment_end - segment_start))
 

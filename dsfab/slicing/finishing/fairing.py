@@ -54,8 +54,7 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """Return the possible moves of vertices (k,) with weights (k, n) on the uncut vertices, which themselves cannot
-    move.
+    """Return the possible moves of vertices (k,) with weights (k, n) on the uncut vertices; uncut vertices never move.
 
     A vertex on a mesh edge can move along this edge. A vertex in a face can move anywhere in the face."""
     column, weight = weight_entries(weights)
@@ -125,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and the length (k,) it covers."""
+    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and the length (k,) for each."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -151,7 +150,7 @@ def _move_vertices(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    slimmest, halvings = 0.5, 7  # the slimmest angle is in degrees
+    slimmest, halvings = 0.5, 7  # least angle, degrees, and most halvings of a step
     for attempt in itertools.count():  # a smaller move of one vertex may make the next cell slim
         V = surface.V + share[:, None] * move
         bad = least_angles(V[F], normals) < np.minimum(before, slimmest)

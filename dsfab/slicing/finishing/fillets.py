@@ -39,8 +39,7 @@ class DiscStops:
 
 
 def rolled_arcs(sheet: Sheet, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Yield corners (p,) where rolling discs of a radius, metres, stop in openings, and arcs (p,) that round these
-    corners.
+    """Yield corners (p,) where rolling discs of `radius` metres stop in openings, and arcs (p,) at these corners.
 
     Arcs are in the frames of the corners and do not overlap. Discs that stop at one wall, or touch no walls in space,
     give no arc. The function yields twice, because on a curved surface an arc may fit at one vertex only: first for
@@ -104,8 +103,7 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: DiscStops, loops: list[Floats], radius: float) -> tuple[DiscStops, Ints, Ints]:
-    """Return stops beyond which the opening stays narrow; and the nearest and the farthest wall (p,) beyond each
-    stop."""
+    """Return stops beyond which the opening stays narrow; the nearest and the farthest wall (p,) beyond each stop."""
     size = np.bincount(flat.chain)
     begin = np.cumsum(size) - size
     chain_start, chain_size = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
@@ -191,8 +189,7 @@ class Fillets:
 
 
 def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
-    """Return arcs at corners of openings: first where a disc of `radius` metres stops, then smaller arcs at other
-    corners.
+    """Return arcs at corners of openings: where a disc of `radius` metres stops, and smaller arcs at other corners.
 
     Corners without room for an arc stay sharp."""
     corners, accepted, taken = Corners.from_walls(sheet.walls), list[Fillets](), list[Stretches]()
@@ -345,8 +342,9 @@ def _with_fillets(sheet: Sheet, fillets: Fillets) -> Sheet:
 def _colours(arc: Ints, corner: Ints) -> Ints:
     """(k,) group of each arc; the cells of two arcs in a group have no common vertex.
 
-    arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell. A group takes the arcs with the lowest rank
-          at all their vertices. Ranks are scattered, so that few groups are needed."""
+    arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
+    A group takes the arcs with the lowest rank at all their vertices. Ranks are scattered, so that few groups are
+    needed."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
@@ -365,8 +363,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """Cut polygons by the chords of their arcs; return the mesh, the old polygon of each polygon, and a mask of
-    polygons to fill.
+    """Cut polygons by their arcs' chords; return the mesh, each polygon's old polygon, and a mask of polygons to fill.
 
     arc : (c,) arc of each polygon, -1 for none.    corner : (k,) vertices that arcs round.    size : of the surface."""
     arc = np.where(mesh.void, arc, -1)

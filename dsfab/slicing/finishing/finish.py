@@ -294,7 +294,7 @@ class TrialCut:
         return cls(inputs, options, cells, unrounded, rounded)
 
     def is_cut_of(self, inputs: tuple[object, object, object]) -> bool:
-        """Return whether these fields, levels and tidy are the same objects as those of this cut."""
+        """Return whether the fields, levels and tidy in `inputs` are the same objects as in this cut."""
         return all(a is b for a, b in zip(self.inputs, inputs, strict=True))
 
     def serves(self, inputs: tuple[object, object, object], options: FinishingOptions) -> bool:

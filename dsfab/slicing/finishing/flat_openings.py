@@ -49,8 +49,7 @@ class FlatOpenings:
         return offset_shape(self.shape, -radius)
 
     def nearest_walls(self, points: Floats) -> tuple[Ints, Floats]:
-        """Return the walls (p,) nearest to points (p, 2), as indices into `wall`, and positions (p,) on them, 0 to
-        1."""
+        """Return indices (p,) in `wall` of the walls nearest to points (p, 2), and positions (p,) on them, 0 to 1."""
         nearest = self._nearest(points)
         start, finish = self.start[nearest.simplex], self.start[self.after[nearest.simplex]]
         size = np.maximum(np.linalg.norm(finish - start, axis=1), TINY)
@@ -94,7 +93,7 @@ def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlace
 
 
 def offset_shape(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
-    """Grow a shape by a length, or shrink it by a negative one."""
+    """Grow a shape by a length, or shrink it by a negative length."""
     import manifold3d
 
     return shape.offset(by, manifold3d.JoinType.Round, circular_segments=48).simplify(SMOOTH * abs(by))
@@ -128,8 +127,7 @@ class NarrowPart:
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
     """Yield parts without room for a disc of `radius` metres: necks, whole openings, and blind alleys.
 
-    A blind alley has two runs near its mouth. Short tips and rings are left out: all sides of a ring have room, or
-    none."""
+    A blind alley has two runs near its mouth. Tips are left out, and rings, which have room everywhere or nowhere."""
     if not len(flat.wall):
         return
     parts = (flat.shape - offset_shape(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()

@@ -110,7 +110,7 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """Bridge openings narrower than `least` m in a rounded sheet, by strips of `width` m; return also the number.
+    """Bridge openings under `least` m in a rounded sheet by strips of `width` m; return also the number of bridges.
 
     `bridged_necks` works in openings laid flat, so it misses folds of the surface and walls without room for an arc.
     This function measures in space, as `features` does."""
@@ -264,7 +264,7 @@ def _with_side_strips(cells: Sheet, member: float) -> tuple[Sheet, int]:
     """Add strips beside members narrower than `member`, but not at edges of the surface; return also their number."""
     if not len(places := members_under(cells, member, 1.5 * member)):
         return cells, 0
-    half = np.array([1.1 * member / 2, 1.5 * member])  # larger, because walls are not parallel
+    half = np.array([1.1 * member / 2, 1.5 * member])  # with a margin, because walls are not parallel
     wall, ends = cells.walls.nearest(places.reshape(-1, 3))
     inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # true for ends on walls
     strips = []

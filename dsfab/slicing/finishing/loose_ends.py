@@ -60,7 +60,7 @@ def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> 
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0
-    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # opening 0 is all material
+    _, opening = np.unique(mesh.part_labels(mesh.void), return_inverse=True)  # number 0 is all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also, closed_openings = mesh.family, mesh.also, np.zeros(len(total), dtype=bool)
@@ -188,7 +188,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     """Polygons (q,) of `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
     An end between two vertices gets a unique negative number. In a mirrored pattern, middle lines end at vertices, and
-    faces on both sides find the same end. Its vertex then shows that it is a single end."""
+    faces on both sides find the same end. The common vertex shows that it is a single end."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])

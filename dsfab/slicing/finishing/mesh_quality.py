@@ -103,7 +103,7 @@ class CellMesh:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the numbers of a vertex's neighbours along lines; less one neighbour, it gives the other."""
+        """(n',) sum of the numbers of a vertex's neighbours along lines; of two neighbours, second = sum - first."""
         total = np.zeros(len(self.surface.V), dtype=np.int64)
         a, b = self.surface.edges.ends[self.lines].T
         np.add.at(total, a, b)

@@ -46,8 +46,7 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre through both feet, and the lines' distances (k, 2) from
-        the origin.
+        """Unit normals (k, 2, 2) of the lines from the centre to both feet; distances (k, 2) of these lines from 0.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -104,7 +103,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) points at `radius` from lines through p and q with unit normals m and n; mask, False for parallel
+    """(k, 2) points at `radius` from lines through p, q with unit normals m, n; and a mask, False for parallel
     lines."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls

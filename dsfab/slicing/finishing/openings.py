@@ -233,8 +233,7 @@ SNAP = 2e-3  # Vertices nearer to the side of a strip than this fraction of half
 class Strip:
     """A rectangular strip of material across void cells (c,); it begins in the first cell.
 
-    middle : (3,) metres.    axes : (2, 3) unit vectors along and across.    half : (2,) half length and half width,
-             metres."""
+    middle : (3,) metres.    axes : (2, 3) unit, along and across.    half : (2,) half length and width, metres."""
 
     cells: Ints
     family: int

@@ -27,7 +27,7 @@ LARGE = 1.6
 """Stubs stay if the opening without them would be larger than this size, which one opening in twenty exceeds."""
 EYELET, LARGER = 0.5, 2.5
 """An opening under EYELET times its neighbour is an eyelet. For stubs around an eyelet LARGER replaces `LARGE`."""
-GOOD = 1.1  # Stubs stay if all openings beside them are larger than this size: they divide a large opening.
+GOOD = 1.1  # Stubs between openings that are all larger than this size stay, because they divide a large opening.
 SMALL = 0.6  # Stubs stay if the opening without them would be smaller than this size.
 TURN = float(np.radians(110))
 """Largest turn of the outline, radians, where a stub was removed, because a sharper corner would be a loose end."""
@@ -170,8 +170,8 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of each chosen bar, -1 for other bars; and the number of groups. Bars at a common opening are
-        a group."""
+        """Group (b,) of chosen bars, -1 for other bars; and the number of groups. A group has all bars at an
+        opening."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

@@ -55,9 +55,8 @@ class Overlay:
     part   : (m, f) for each field, the connected stripe that a cell belongs to; -1 for none.
     of     : (count,) the field of each stripe.    level : (count,) the level on most of its area.
     own    : (m,) True for cells in a stripe of the field that made them material.
-    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe. Offsets are never
-             0, so that the line crosses two sides of a cell or none. At a common edge, two cells have equal offsets up
-             to a sign."""
+    offset : (m, 3, f) field at the corners minus the value on the middle line of the cell's stripe; never 0, so that
+             the line crosses two sides of a cell or none. Both cells at an edge have equal offsets up to a sign."""
 
     sheet: Sheet
     source: Ints

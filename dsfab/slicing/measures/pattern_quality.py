@@ -69,8 +69,7 @@ class Bays:
 
 
 def bays(middles: StripeMiddles) -> Bays:
-    """Divide the middle lines of a family at the middle lines of the other family, where its phase is a whole
-    number."""
+    """Divide the middle lines of a family where they cross middle lines of the other family, at whole phases."""
     chart, face = middles.drawn, middles.face
     other_family = 1 - middles.k
     corner = chart.surface.F[face]
@@ -228,8 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return the faces that the ball may reach, divided to edges of at most half its radius; all faces if it
-    reaches none."""
+    """Return faces that the ball may reach, divided to edges of half its radius; all faces if it reaches none."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

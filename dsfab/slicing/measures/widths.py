@@ -85,8 +85,7 @@ def _at_exit(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """(3 m, 7) for each half-edge, in its frame: length, apex of the face, unit directions of the next two
-    half-edges."""
+    """(3 m, 7) for each half-edge, in its frame: length, apex of the face, unit directions of the next two edges."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
