@@ -1,6 +1,6 @@
 """Limits and tolerances that more than one part of dsfab applies.
 
-A stage that refuses input beyond a limit and a report that checks the same limit both import it from here."""
+A stage refuses input beyond a limit, and a report checks the same limit. Both import the limit from here."""
 
 from collections.abc import Iterable
 from typing import Literal

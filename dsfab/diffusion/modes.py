@@ -109,10 +109,10 @@ def diffusion_modes(
     """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
     The method is shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. Modes are scaled as on a surface of area 4 pi, so
-    that frequencies mean the same at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated
-    eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
+    that a frequency gives as many stripes at any size; on the unit sphere modes are M-normalised. Signs and bases of
+    repeated eigenvalues do not depend on the solver (`_canonical`), and rotate with the surface if the axes do.
 
-    axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
+    axes     : (3, 3) rows, for signs and bases; by default the axes of the surface alone (`reference_axes`).
     symmetry : if set, only modes that are equal at all images count; more pairs are computed until k such modes exist.
     Raises PatternError if the mesh has too few vertices for k modes."""
     return family_modes(surface, [L], k, axes, symmetry)[0]

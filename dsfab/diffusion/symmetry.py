@@ -331,8 +331,8 @@ def _generators(surface: Surface, axes: Floats, glance: _QuickCheck) -> Iterator
 def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
     """Return the normal (3,) of the best mirror for an irregular mesh of a round surface. Candidates for the normal
     point to the points that are farthest from the axis. Images of the outermost points, at least `samples`, must be
-    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane at right angles to it. The
-    choice does not depend on the numbering."""
+    nearest to vertices. Among equals, the most vertices lie on the mirror or on the plane across the mirror. The choice
+    does not depend on the numbering."""
     distance = np.linalg.norm(x, axis=1)
     count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR_TOLERANCE * surface.size]

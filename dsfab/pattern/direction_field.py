@@ -183,7 +183,7 @@ CLEAR_SHARE = 0.75  # Least share of a family's area on which its title, such as
 class FamilyRole(NamedTuple):
     """The part of a family of stripes in carrying the loads.
     key    : "major" or "minor".    shape : "arches", "hoops" or "purlins" (straight level lines); "" for other shapes.
-    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if it is unknown."""
+    pulled : share of the area, weighted by stress, on which the family is pulled, 0 to 1; NaN if unknown."""
 
     key: str
     shape: str = ""

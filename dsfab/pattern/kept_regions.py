@@ -71,7 +71,7 @@ def _edges_to_halve(divided: DividedSurface, region_distances: Sequence[Distance
 
 def _crossings(surface: Surface, region_distances: Sequence[Distances], reaches: Sequence[float]) -> Floats:
     """Return the positions (e,) at which to divide edges, from 0 at their first end to 1.
-    An edge is divided where a single region's outline crosses it near its middle (see `ASIDE`), else at its middle."""
+    An edge is divided where a single outline crosses the edge near the middle (see `ASIDE`), else at the middle."""
     position, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(region_distances, reaches, strict=True):
         middle = distances.middle

@@ -23,7 +23,7 @@ class Layer(NamedTuple):
     be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) an opening becomes material if the mean of these values over it exceeds 0; None: no opening."""
+    closed     : (n,) an opening becomes material if the mean of these values in the opening exceeds 0; None: never."""
 
     name: str
     field: Floats | CornerField | DividedField
@@ -67,7 +67,7 @@ class ModeFamily:
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """Return the family as one layer; it has a single field if the width does not vary, else two."""
+        """Return the family as one layer, with a single field if the width does not vary, else with two fields."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -141,8 +141,8 @@ FOLLOWING_WIDTHS = (1.15, 1.25)
 With `CLOSING_WIDTHS` a dome at half of its material is 5 % softer."""
 WHOLE = 1.3
 """Ratio of the mean width to the crowded width at which an opening closes as a whole.
-If widths follow the stress, the mean of `FOLLOWING_WIDTHS` replaces it. With 1.5 the crown of a dome under a point load
-stays open, and the dome is 2 % softer."""
+If widths follow the stress, this ratio is the mean of `FOLLOWING_WIDTHS`. With 1.5 the crown of a dome under a point
+load stays open, and the dome is 2 % softer."""
 WIDTH_RULES = {
     "solid": SOLID,
     "open": SLIT,

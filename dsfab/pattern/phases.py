@@ -146,8 +146,8 @@ def _unit_vector(x: Floats, mass: Floats) -> Floats:
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
     """Return phases (n,), in periods, shifted by half a period if this brings more weight (n,) onto centre lines.
-    `Flow.solve` finds both phases equally good, because its sum of squares is the same. A shift by 1/2 and by -1/2 is
-    the same, so that signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
+    `Flow.solve` finds both phases equally good, because both have the same sum of squares. Shifts by 1/2 and by -1/2
+    are equal, so signs of phases do not matter. Phases stay if the weighted mean of their cosine is above -0.02."""
     if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))

@@ -23,7 +23,7 @@ PULL = 100.0
 
 def small_loops(surface: Surface, supported: Bools, spacing: float) -> list[Ints]:
     """Return the boundary loops (k,) with a mean radius below the spacing (m) of stripes, all of whose vertices are
-    `supported` (n,): fewer than seven stripes would end on each of them."""
+    `supported` (n,): fewer than seven stripes would end on each loop."""
     loops = [loop for loop in surface.loops if supported[loop].all()]
     return [loop for loop in loops if polygon_perimeter(surface.V[loop]) < 2 * np.pi * spacing]
 

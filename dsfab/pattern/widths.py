@@ -151,8 +151,8 @@ def solved_factor(
     jump     : if `share` jumps past the target, error at which the nearest value still counts.
     steepest : largest growth of a share without jumps, for a relative change of the factor.
 
-    The method is regula falsi on an interval around the solution. The value at an end that stays twice is halved: the
-    Illinois rule [Dowell, Jarratt 1971]. Raises PatternError if no factor gives the target, or ShareJumpError."""
+    The method is regula falsi on an interval around the solution, with the Illinois rule [Dowell, Jarratt 1971]: the
+    value at an end that stays twice is halved. Raises PatternError without such a factor, ShareJumpError at a jump."""
 
     @cache
     def evaluate(factor: float) -> _End:
@@ -229,10 +229,10 @@ def _unreachable_error(target: float, reach: str) -> PatternError:
 def evened_grading(
     surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
 ) -> Floats:
-    """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
+    """Return relative half-widths (n, k) of k families for the next step, from the half-widths `grading` (n, k) so far.
 
     work     : (m, k) energy, joules, of each family in each face.    material : (m, k) area of each family there, m2.
-    spacing  : metres from stripe to stripe. Averages extend over 0.4 of it, so that they do not mix neighbours.
+    spacing  : metres from stripe to stripe. Averages extend over 0.4 spacings, so that neighbours do not mix.
     limit    : largest factor of a step.
 
     Widths grow with the root of the energy density, because in a member with a fixed force the density falls with the

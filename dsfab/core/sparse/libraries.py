@@ -94,7 +94,7 @@ Matrix = csr_array | Callable[[], csr_array]  # A matrix, or a function that bui
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """Return the matrix (n, n); a function builds it first."""
+    """Return the matrix K (n, n), or the matrix that the function K builds."""
     return K() if callable(K) else K
 
 

@@ -48,8 +48,8 @@ def cut(surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], 
              exact areas; values within `SNAP_FLOOR` always move, and so do values at corners of cells without area.
 
     A cell is material if any field makes it material. Later fields do not cut the material of earlier fields. A face
-    that lies wholly on a level is void. The cells are in the order of their parent faces, and the first n vertices are
-    those of the surface.
+    that lies wholly on a level is void. The cells are in the order of their parent faces. The first n vertices are the
+    vertices of the surface.
 
     Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """

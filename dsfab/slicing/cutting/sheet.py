@@ -201,8 +201,8 @@ class Sheet:
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
         """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes the values from the parent of the first cell around it. On a Moebius strip a second face may
-        see vectors from its other side. The result equals `carry` if the corners at each vertex agree."""
+        Each vertex takes the values in the parent face of its first cell, because on a Moebius strip a second face may
+        see vectors from its back. The result equals `carry` if all corners at each vertex have equal values."""
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
         parent = self.parent[corner // 3]

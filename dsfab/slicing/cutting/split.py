@@ -39,12 +39,12 @@ class Split:
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), *new_vertices)
 
     def with_new_values(self, values: Floats) -> Floats:
-        """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
+        """Append values interpolated at the new vertices to values (n, ...) at the old vertices."""
         t = self.t.reshape(-1, *[1] * (values.ndim - 1))
         return np.concatenate([values, (1 - t) * values[self.low] + t * values[self.high]])
 
     def new_weights(self, n: int) -> csr_array:
-        """(k, n) sparse weights of the new vertices on the n old ones."""
+        """(k, n) sparse weights of the new vertices on the n old vertices."""
         k = len(self.t)
         data = np.stack([1 - self.t, self.t], axis=1).ravel()
         columns = np.stack([self.low, self.high], axis=1).ravel()

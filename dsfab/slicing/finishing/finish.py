@@ -276,7 +276,7 @@ class TrialCut:
 
     inputs  : fields, levels and tidy of the pattern.    cells : before finishing.
     rounded : after the first rounding; None without round corners.    bridged : with bridges.
-    least   : least widths of openings and members, metres, and the sheet that keeps them."""
+    least   : least widths of openings and members, metres, and the sheet with these widths."""
 
     inputs: tuple[object, object, object]
     options: FinishingOptions

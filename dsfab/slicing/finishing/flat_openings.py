@@ -1,4 +1,4 @@
-"""Openings laid flat in a plane, and the parts of them that are too narrow for a disc."""
+"""Openings laid flat in a plane, and their parts that are too narrow for a disc."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -106,7 +106,7 @@ def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
 
 
 LONG, BULKY = 4.0, 0.7
-"""A blind alley is longer than LONG radii, and its area is over BULKY times that of a strip as wide as its mouth."""
+"""A blind alley is longer than LONG radii, and its area exceeds BULKY x its length x the width of its mouth."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,7 +188,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     """Polygons (q,) of `blank` at which middle lines of field k end, and the vertex (q,) of each end.
 
     An end between two vertices gets a unique negative number. In a mirrored pattern, middle lines end at vertices, and
-    faces on both sides find the same end. The common vertex shows that it is a single end."""
+    faces on both sides find the same end. The common vertex shows that both are one end."""
     slot_a, slot_b, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
     inner, outer = np.concatenate([slot_a, slot_b]), np.concatenate([slot_b, slot_a])

@@ -235,9 +235,9 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
     """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
 
-    A vertex on no line may move to any neighbour. A vertex on a line may move along it, or to a vertex on no line. Two
-    vertices in which three lines meet may join along an edge between material and void. Vertices on the boundary of the
-    surface stay on the boundary."""
+    A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
+    line. Two vertices in which three lines meet may join along an edge between material and void. Vertices on the
+    boundary of the surface stay on the boundary."""
     v, w, _ = moves
     count = np.bincount(cut.surface.edges.ends[cut.lines].ravel(), minlength=len(cut.surface.V))
     rim = on_boundary(cut.surface.edges, len(cut.surface.V))

@@ -114,7 +114,8 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """(k, 2) the points of polylines (k, p, 2) nearest to points (k, 2), and the length of the line up to them."""
+    """(k, 2) points of polylines (k, p, 2) nearest to points (k, 2), and the length of the line up to each nearest
+    point."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -205,7 +206,7 @@ class Corners:
     def rooms(self) -> tuple[Floats, Floats]:
         """(k,) metres of the walls before and behind each corner that its arc may use.
 
-        The two corners of a wall share it in the ratio of their `tangents`."""
+        The two corners at a wall divide the wall in the ratio of their `tangents`."""
         t, (ahead, behind) = self.tangents, self.wall_lengths
 
         def share(neighbour: Ints) -> Floats:
@@ -217,7 +218,7 @@ class Corners:
 
     @cached_property
     def frames(self) -> Floats:
-        """(k, 2, 3) unit vectors of the planes of the arcs, square to the void's normal."""
+        """(k, 2, 3) unit vectors of the planes of the arcs, perpendicular to the void's normal."""
         normal = self.walls.void_normals[self.walls.start[self.first]]
         normal /= np.linalg.norm(normal, axis=1, keepdims=True)
         along = self.walls.surface.V[self.walls.end[self.first]] - self.origin

@@ -59,7 +59,7 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) width of each opening over the width of the narrower member beside it, as the median along its walls.
+        """(o,) width of each opening over the width of the narrower member beside a wall: the median over all walls.
 
         Only walls with an opposite wall count. If these are under 5 % of the walls, as in a triangle, the width is the
         side of the square of equal area. From 5 to 25 %, the result is a weighted harmonic mean of both values. The
@@ -178,7 +178,7 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
     alike : if True, all or none of the openings with sizes nearly equal to `size` become material.
 
-    The size of an opening is its median width along the walls. It is at least half of 4 area / perimeter and at most
+    The size of an opening is its median width along the walls, but at least 2 area / perimeter and at most
     4 area / perimeter, because a triangle with a long tip has opposite walls in the tip only."""
     openings = openings_of(cells)
     if openings is None or not (may_be_small := openings.hydraulic_diameters < 3 * size).any():

@@ -18,7 +18,7 @@ from dsfab.slicing.cutting.walls import SHARPEST, Walls
 from dsfab.slicing.finishing.openings import disjoint_groups
 
 SHARP = float(np.radians(60))
-"""Least angle, radians, by which the outline turns back at a tip. At bends and crossings of members it turns less."""
+"""Least angle, radians, by which the outline turns back at a tip. Bends and crossings of members turn less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
 """Longest outline of a tooth, in mean widths of members: `FAR` if its chord is under `THIN` widths, else `LONG`."""
 
@@ -26,7 +26,7 @@ LONG, THIN, FAR = 1.5, 0.5, 4.0
 class Spike(NamedTuple):
     """A tooth: the vertices of its outline (k,) between two re-entrant corners, and the cells beyond its chord (c,).
 
-    origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres."""
+    origin : (3,) the first corner.    outward : (3,) unit normal of the chord, out of the member.    snap : metres."""
 
     outline: Ints
     cells: Ints
@@ -43,8 +43,8 @@ class Spike(NamedTuple):
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
     """Cut teeth off the material of a sheet without pinches; return also their number.
 
-    Only material beyond a chord becomes void. No second wall and no edge of the surface lies there, so that parts stay
-    connected. Without teeth the function returns the same cells."""
+    Only material beyond a chord becomes void, and only if no second wall and no edge of the surface lies beyond the
+    chord. So parts stay connected. Without teeth the function returns the cells unchanged."""
     count = 0
     for _ in range(4):  # neighbouring teeth are cut off one after the other
         all_spikes = _spikes(cells) if cells.has_openings else []
@@ -96,7 +96,8 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """The tooth with the walls `stretch` (k,), or None if it is no tooth. width : mean width of members, metres."""
+    """Return the tooth with the walls `stretch` (k,); None if this is not a tooth. width : mean width of members,
+    metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]
@@ -114,7 +115,7 @@ def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
 
 
 def _cells_beyond_chord(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) the material cells partly beyond the chord; None if a further wall or an edge of the surface is there."""
+    """(c,) material cells partly beyond the chord; None if they touch another wall or an edge of the surface."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     outline_vertices, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:

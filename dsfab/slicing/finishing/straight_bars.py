@@ -149,7 +149,7 @@ def with_straight_bars(
 
     surface, fields : those of the cut.    Returns the mesh and the number of replaced bars.
 
-    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches it."""
+    The parts of the sheet stay connected: both contacts of a bar remain, and no other member touches the bar."""
     nodes = nodes_of(mesh) | ((mesh.also == CLOSED) & ~mesh.void)
     near_singular, count = _near_singular(mesh, surface, fields), 0
     if not (nodes | near_singular).any() or not mesh.void.any():
@@ -175,7 +175,7 @@ def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field])
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near_singular: Bools, tidy: Tidy) -> list[FairBar]:
     """New shapes of bars, which do not overlap. A bar is a node with its stripes, or a stripe near a singular point.
 
-    A crossing that touches a node joins it if this makes a bar, because stripes may overlap before they end."""
+    A crossing that touches a node may belong to the bar, too, because stripes may overlap before they end."""
     bars, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, seeds in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near_singular)):
         label = mesh.part_labels(_with_touching_stretches(mesh, lumps | seeds, between_crossings(mesh, tidy, lumps)))

@@ -1,7 +1,7 @@
 """Remove stubs: stripes that run on past their last crossings to a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs that lead to it
-are a bar across one opening, or a hook beside a member, with a lump at the node:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs at this node are
+a bar across one opening, or a hook beside a member, with a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -36,7 +36,7 @@ TURN = float(np.radians(110))
 def without_stubs(mesh: PolygonMesh, tidy: Tidy) -> tuple[PolygonMesh, int]:
     """Remove nodes and the stubs that lead to them if one good opening remains; return also the number of places.
 
-    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected."""
+    Parts stay connected and no new end appears, because the members that touch a removed bar run past the bar."""
     nodes, count = nodes_of(mesh), 0
     for include_crossings in (False, True):
         lumps = with_crossings(mesh, nodes & ~mesh.void) if include_crossings else nodes & ~mesh.void
@@ -64,7 +64,7 @@ class _Bars:
     area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
     pair    : (k, 2) bars and the openings beside them, each pair once.    shared : (k,) metres of their common outline.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) True if the bar may go: without it the material stays connected and gets no new end."""
+    cut     : (b,) True if the material without the bar stays connected and gets no new end."""
 
     label: Ints
     area: Floats

@@ -371,7 +371,7 @@ def _structure_lines(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
     """Loops of boundary vertices, and for each loop the half-edges after its vertices.
 
-    If the surface has two sides, it lies on the left of the loops."""
+    A surface with two sides lies on the left of the loops."""
     half_edge, (start, end) = surface.edges.outline, half_edges(surface.F)
     by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
     by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}

@@ -37,7 +37,7 @@ class DrawnBand:
     field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : the middle line of a stripe lies where the mean of both columns is its level + centre.
-    hides  : if True, the stripe appears only in its own material, or in that of an earlier field with `hides`."""
+    hides  : if True, the stripe appears only in its own material, or in material of an earlier field that hides."""
 
     family: str
     field: CornerField | Floats

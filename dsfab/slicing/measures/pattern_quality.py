@@ -180,7 +180,7 @@ class Arms(NamedTuple):
     width: Floats
 
     def is_tip(self, width: float) -> bool:
-        """True if a member of a width in metres ends at this place. A single arm over 3 times as wide is a junction."""
+        """True if a member of a width in metres ends at this place. A single arm wider than 3 widths is a junction."""
         return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def is_hairpin(self, width: float) -> bool:
@@ -227,7 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return faces that the ball may reach, divided to edges of half its radius; all faces if it reaches none."""
+    """Return faces that the ball may reach, divided to edges of at most half the radius; without such faces all."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

@@ -28,7 +28,8 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines on their way over triangles: number, half-edge of entry, metres along it, direction, and length so far."""
+    """Lines on their way over triangles: number, half-edge of entry, metres along the half-edge, direction, and
+    length."""
 
     number: Ints
     edge: Ints
@@ -42,7 +43,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start square to the half-edges.
+    """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start at right angles.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
@@ -181,7 +182,7 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_EdgePoints, Floats]:
 def _tips(surface: Surface, start: _EdgePoints, finish: _EdgePoints, width: Floats, slope: Floats) -> Bools:
     """Mask (k,) of lines between walls that converge to a tip.
 
-    slope : (k,) cosine between a line and the half-edge at its end; negative if the walls converge along it.
+    slope : (k,) cosine between a line and the half-edge at its end; negative if walls converge along this half-edge.
 
     Two walls at an angle a, joined by a line of length w, meet at a distance w / (2 tan(a / 2)) from the line. A line
     is in a tip if both walls together, from the line to the tip, have 0.4 to 1.7 times twice this length."""
@@ -247,7 +248,8 @@ ROUNDING = 1e-6  # Widened members may miss a limit by this fraction of the limi
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: metres, its place (3,), a word for it, and the uncut mesh width there."""
+    """The smallest member, gap or edge: metres, place (3,), its name in words, and the width of the uncut mesh
+    there."""
 
     size: float
     place: Floats
@@ -296,7 +298,7 @@ def below_limit(sizes: float | Floats, limit: float) -> Bools:
 
 
 def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
-    """Limits (b + 1,) of about `count` equal bins from 0 to `end`, one of them at `limit` if this is below `end`.
+    """Limits (b + 1,) of about `count` equal bins from 0 to `end`; a bin ends at `limit` if `limit` is below `end`.
 
     Instead of more than `largest_count` equal bins, the first bin ends at the limit and is narrower."""
     if not 0 < limit < end:
