@@ -11,9 +11,9 @@ SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 BALANCE = 1e-4
 """Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes.
-The limit is far below the error of the elements. Rounding alone reaches 1e-6 on a long, thin beam, of 30 widths, with 8
-`hhj` cells across. Rounding reaches 1.3e-5 where needle-shaped faces of 9 micrometres bend at a thickness of 20 mm,
-because the entries of their stiffness are rounded."""
+The limit is far below the error of the elements. Rounding alone reaches 1e-6 on a thin beam of 30 widths with 8 `hhj`
+cells across. Rounding reaches 1.3e-5 where needle-shaped faces of 9 micrometres bend at a thickness of 20 mm, because
+the entries of their stiffness are rounded."""
 REPORTED_RESIDUAL = 1e-8  # Relative residual of the linear system, in energy, above which dsfab reports it.
 RESIDUAL = 1e-6
 """Largest accepted relative residual, and largest relative error of a compliance that the residual may cause.

@@ -27,10 +27,10 @@ def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Se
     weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to that
-    of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards positive
-    third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any rotation of
-    its pattern about this axis is equally good."""
+    The axes follow the first clear directions of this list: the vectors; the lines from the surface's centroid to the
+    centroid of every weight; the skew of the area; principal axes of inertia of the area and of the weights, towards
+    positive third moments; the axes x, y and z. A dome under its own weight determines only its own axis, and any
+    rotation of its pattern about this axis is equally good."""
     mass = voronoi_mass(surface)
     x = surface.V - mass @ surface.V / mass.sum()
     measures = [mass, *(mass * weight for weight in weights if (mass * weight).sum() > 0)]

@@ -30,7 +30,7 @@ from dsfab.surface import (
 
 IMAGE_OFF_SURFACE = 0.25  # Largest distance of images of vertices from the surface, divided by the mean edge.
 OFF_SUPPORT = 1.0
-"""Largest distance of images of supported vertices from such vertices, in mean edges: the accuracy of a picker."""
+"""Largest distance of images of supported vertices from supported vertices, in mean edges: a picker's accuracy."""
 OFF_LOAD = (0.3, 0.02)
 """Largest difference of loads from their images, divided by the total load: of smoothed forces, then of resultants."""
 SAMPLE_POINTS = 100  # Number of points in the sample that is checked before all points.
@@ -70,15 +70,15 @@ class Symmetry:
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """Return the largest RMS over the area of a field (n,) less its image, divided by the field's RMS."""
+        """Return the RMS over the area of a field (n,) minus its image, over the field's RMS: the largest ratio."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
         """Return the modes of X (n, k) that are equal at all images: eigenvalues (j,) and M-orthonormal modes (n, j).
-        They are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among these
-        combinations L is diagonalised again (Rayleigh and Ritz)."""
+        The modes are combinations of the group means of X, whose singular values are 1 or 0 on a symmetric mesh. Among
+        these combinations L is diagonalised again (Rayleigh and Ritz)."""
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
         keep = share > 0.5**2  # squared singular values are near 0 or 1
@@ -281,7 +281,7 @@ class _QuickCheck:
 
     @cached_property
     def _held_points(self) -> list[tuple[Floats, cKDTree]]:
-        """For each load case, relative to the centroid: a sample of the supported points, and a k-d tree of all."""
+        """Supported points of each load case, relative to the centroid: a sample, and a k-d tree of all points."""
         held_points = [self.surface.V[load.supported] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // SAMPLE_POINTS, 1)], cKDTree(x)) for x in held_points if len(x)]
 

@@ -201,7 +201,7 @@ class FamilyRole(NamedTuple):
 
 def family_roles(surface: Surface, directions: StressDirections) -> tuple[FamilyRole, FamilyRole]:
     """Return the roles of the major and the minor family under signed principal stresses; z points up.
-    Hoops and purlins are level, in the mean weighted by squared slope; the other family rises, as arches if pressed."""
+    Hoops and purlins are level, in the mean weighted by squared slope. A pressed family that rises has arches."""
     size = surface.areas[:, None] * np.abs(directions.stress)
     total = size.sum(axis=0)
     pulled = np.divide((size * (directions.stress > 0)).sum(axis=0), total, out=np.full(2, np.nan), where=total > 0)

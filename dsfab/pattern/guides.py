@@ -26,8 +26,8 @@ class Guide:
     """A curve, or a direction in a region, that stripes follow more closely the larger its weight.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : distance (m) from the curve, straight through space, at which its weight falls to 0; by default the
-                smaller spacing of the stripes.
+    reach     : distance (m) from the curve, straight through space, at which the guide's weight falls to 0; by default
+                the smaller spacing of the stripes.
     at        : the region, instead of a curve.    direction : of the stripes in the region; its tangential part counts.
     weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
     family    : the family whose stripes run along the guide; stripes of the second family run across it.

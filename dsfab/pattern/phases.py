@@ -195,8 +195,8 @@ class CornerPhase:
 
 def corner_phase(flow: Flow, phase: Floats, alternative: Callable[[], Floats] | None = None) -> CornerPhase:
     """Return the phases (n,), in periods, of `Flow.solve` as a phase at the corners of the faces.
-    alternative : function that returns other phases (n,). It is called only if stripes end within faces, and its result
-                  is used if stripes end in fewer faces."""
+    alternative : function that returns other phases (n,), called only if stripes end within faces. Its phases replace
+                  `phase` if stripes then end in fewer faces."""
     result = _face_phases(flow, phase)
     if alternative and result.broken:
         result = min(result, _face_phases(flow, alternative()), key=lambda one: one.broken)

@@ -87,7 +87,7 @@ class Stripes:
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
     """Return the frequency at which centre lines of stripes on a mode x (n,) are `spacing` metres apart on average.
     The mean distance is the area over the length of the centre lines, z = k for integers k. The mean of this length
-    over all phases is the integral of |grad z|: the co-area formula [Federer 1959]. It grows with the frequency.
+    over all phases is the integral of |grad z|: the co-area formula [Federer 1959]. The mean grows with the frequency.
     Raises PatternError for a constant mode."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of lines per unit of frequency

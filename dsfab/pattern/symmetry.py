@@ -59,7 +59,7 @@ class Images:
         """Return the projection onto symmetric phases that grow at V (n, 3) by `density` (n,) per metre along g (n, 3).
 
         Where g is reversed at an image, the phase is conjugated. An image of a vertex may lie between other vertices.
-        Then their phases grow along the way to the image, because a plain mean would lag if a period has few edges."""
+        Then the phases of these vertices grow on the way to the image: a plain mean lags if a period has few edges."""
         if len(self.maps) == 1:
             return lambda x: x
         growth = density[:, None] * g

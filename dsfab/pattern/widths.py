@@ -185,7 +185,7 @@ def solved_factor(
 def _secant_interval(
     evaluate: Callable[[float], _End], tolerance: float, slope: float, near_one: bool
 ) -> tuple[_End, _End] | None:
-    """Return an interval around the solution, or the solution as both ends, by secants from 1; else None."""
+    """Search by secants from 1; return an interval around the solution, the solution as both ends, or None."""
     end = evaluate(1.0)
     for _ in range(5 if near_one else 1):
         if _miss(end) <= tolerance or end[0] * slope <= end[1]:

@@ -88,7 +88,7 @@ class Cells:
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[slots], self.sides_on[slots])
 
     def with_new_lines(self, lines: Ints) -> "Cells":
-        """Give sides on level l of a split the line lines[l, polygon]; lines : (levels or 1, c or 1) of `CutLines`."""
+        """Replace the level l of a split at each side by the line lines[l, polygon]; lines : (levels or 1, c or 1)."""
         side = np.flatnonzero(self.sides_on < 0)
         if not len(side):
             return self
@@ -247,7 +247,7 @@ def nearest_levels(x: Floats, levels: Floats) -> Floats:
 def snap_values(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """Return x (n,) with values moved onto levels (k,) within `fraction` of the largest range over their edges.
+    """Return x (n,) with each value moved onto a level (k,) within `fraction` of the largest range over its edges.
 
     sides : both vertices of each edge.    difference : range of x over each edge.    free : (n,) values that may move.
     """

@@ -113,7 +113,7 @@ class PolygonField:
         )
 
     def after_split(self, split: Split, side: int, lines: Ints) -> "PolygonField":
-        """Return the field after a split along its upper (0) or lower (1) values; new vertices have exactly the level.
+        """Return the field after a split along its upper (0) or lower (1) values, with exact levels at new vertices.
 
         lines : (l, 1) the line of each level."""
         mesh, following = self.mesh.after_split(split, lines), self.mesh.cells.following
@@ -246,7 +246,7 @@ class StripeCut:
         return replace(self, seen=self.seen.with_values(moved))
 
     def with_snapped_values(self, side: int) -> "StripeCut":
-        """Move values of one side, each alone, onto levels within the snap fraction `tip`."""
+        """Move only the upper (0) or the lower (1) values onto levels within the snap fraction `tip`."""
         x = self.seen.values.ravel()
         a, b, difference = self._side_ends(side)
         free = np.ones(len(x), dtype=bool)

@@ -1,8 +1,8 @@
 """Halving: where two families of lines crowd, every second line is left out, or three lines of four.
 
-Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So all of an opening has
-one level. The first family is halved in the openings between lines that always stay. Then the second family is halved
-in the openings that the remaining lines of the first family make."""
+Line k stays if k is a multiple of 2^level. A line may end only on a line of the other family. So the level is constant
+in each opening. The first family is halved in the openings between lines that always stay. Then the second family is
+halved in the openings that the remaining lines of the first family make."""
 
 from dataclasses import dataclass, replace
 

@@ -105,7 +105,7 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) each, for inner edges: the slots of both sides, and of the second polygon at the first side's start."""
+        """(p,) each, for inner edges: slots of both sides; the second polygon's slot at the start of the first side."""
         a, b = self.cells.corner, self.cells.next_values(self.cells.corner)
         order, _, edge = equal_key_groups(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)

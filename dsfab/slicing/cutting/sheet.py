@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 VOID = -1  # The family of a void cell.
 
 ON_SIMPLEX = 1 - 1e-9
-"""Least interpolated value of a mask between marked vertices: 1 without rounding errors."""
+"""Least interpolated value of a mask between marked vertices: 1, up to rounding errors."""
 
 
 @dataclass(frozen=True, eq=False)

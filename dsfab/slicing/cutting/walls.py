@@ -74,7 +74,7 @@ class Walls:
         return cell.reshape(-1, 3)
 
     def walls_ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls `steps` (k,) after walls (k,) in their chains; mask, False beyond the end of an open chain."""
+        """(k,) the walls `steps` (k,) after walls (k,) in their chains, and a mask: False beyond an open chain."""
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         position = wall - begin + steps

@@ -124,7 +124,7 @@ def _lateral(sheet: Sheet, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and the length (k,) for each."""
+    """Return weights of points P (k, order + 1, 3) in a derivative along their line, and integration lengths (k,)."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)

@@ -88,7 +88,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> DiscStops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Points (p, 2) where loops turn left by over `SHARPEST`, and unit vectors to the right before and after each."""
+    """Points (p, 2) where loops turn left by over `SHARPEST`; unit vectors to the right, before and behind points."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -220,7 +220,7 @@ def fitting_fillets(sheet: Sheet, radius: float) -> Fillets:
 
 
 def _fillets_in_space(corners: Corners, corner_rows: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Return arcs at corners as chords in space, and a mask of the arcs that reach no other wall and no edge."""
+    """Return arcs at corners as chords in space, and a mask of arcs that reach no other wall and no surface edge."""
     walls, surface, void_neighbours = corners.walls, corners.walls.surface, corners.walls.void_neighbours
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[corner_rows])
@@ -343,8 +343,7 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
     """(k,) group of each arc; the cells of two arcs in a group have no common vertex.
 
     arc : (p,) arc of each cell.    corner : (p, 3) vertices of each cell.
-    A group takes the arcs with the lowest rank at all their vertices. Ranks are scattered, so that few groups are
-    needed."""
+    A group takes the arcs with the lowest rank at all their vertices. Scattered ranks give few groups."""
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
     rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))

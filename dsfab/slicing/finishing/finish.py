@@ -171,7 +171,7 @@ def passes(uncut: Surface, options: FinishingOptions, trial: "TrialCut | None" =
 def passes_before_rounding(options: FinishingOptions) -> Iterator[tuple[str, Pass]]:
     """Yield the passes that precede the rounding of corners, in order, each with a name for its count."""
     merge, merges, opening = options.merge, options.merge != "none", options.opening
-    slits_first = merges and not options.sized  # most small openings are slits
+    slits_first = merges and not options.sized  # most small openings are slits, so slits are filled first
     yield _counting_pass("pinches", partial(resolve_pinches, radius=options.thickness / 2, rule=options.pinch))
     if opening and not slits_first:
         yield _counting_pass("filled", partial(filled_openings, size=opening))
@@ -236,7 +236,7 @@ def _rounded_once(sheet: FinishedSheet, options: FinishingOptions) -> FinishedSh
 
 
 def _bridged_or_widened(cells: Sheet, rounded: Sheet, options: FinishingOptions) -> tuple[Sheet, int, int]:
-    """Bridge gaps of the rounded sheet, or else widen its members; return cells, bridges and widened places."""
+    """Bridge gaps of the rounded sheet, or widen its members; return cells, number of bridges and of widened places."""
     if options.merge == "none":
         return cells, 0, 0
     if options.neck:

@@ -163,7 +163,7 @@ def _bridges(cells: Sheet, necks: list[Neck], width: float) -> list[Strip]:
 
 
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of places.
+    """Add strips beside members under `least` metres in the `rounded` sheet; return also the number of widened places.
 
     A call adds only strips that do not touch each other."""
     if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
@@ -171,7 +171,7 @@ def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, 
     half = np.array([1.04 * least / 2, least / 2])
     wall, ends = cells.walls.nearest(narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # else the member ends here
+    goes_on = _way_around(cells.walls, wall) > 6.0 * least  # on a shorter way the member ends
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         strips += _strips_at(cells, sides, place, half)
@@ -189,7 +189,7 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
 
 MOST_ROUNDS = 40  # Most rounds of strips; a round adds only strips that do not touch.
 TURNS = 6  # Most rounds of widening and bridging, because wider members leave narrower openings.
-SNAP = 0.05  # Vertices within this fraction of half a strip's width move onto its side, to avoid tiny edges.
+SNAP = 0.05  # Vertices within this fraction of half a strip's width move onto the strip's side, to avoid tiny edges.
 
 
 class LeastWidths(NamedTuple):
@@ -210,7 +210,7 @@ def with_least_widths(
 
     Members wider than `LOCAL` usual widths stay, and so do members between two edges of the surface.
 
-    merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
+    merge : slits to fill after widening, because wider members make openings narrower.
     neck  : metres; narrower openings that widening leaves get bridges, too."""
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0

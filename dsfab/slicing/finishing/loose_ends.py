@@ -53,10 +53,10 @@ CLOSED = -2  # `PolygonMesh.also` of polygons in closed openings: stripes may en
 
 
 def with_closed_openings(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> tuple[PolygonMesh, int]:
-    """Make openings material by field values; return also their number.
+    """Make openings material over which the values of a field have a positive mean; return also their number.
 
     closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
-             with a positive mean over its area. Of nearly equal openings, all or none become material."""
+             with a positive mean. Of openings with nearly equal means, all or none become material."""
     close_values = {k: x for k, x in enumerate(closed) if x is not None}
     if not close_values or not mesh.void.any():
         return mesh, 0

@@ -233,7 +233,7 @@ def _candidates(cut: CellMesh) -> CollapseMoves:
 
 
 def _along_lines(cut: CellMesh, moves: CollapseMoves, tolerance: float) -> CollapseMoves:
-    """Select the moves that keep lines connected as before, and within the tolerance, metres, of their places.
+    """Select the moves that keep lines connected as before and that move lines by at most `tolerance` metres.
 
     A vertex on no line may move to any neighbour. A vertex on a line may move along the line, or to a vertex on no
     line. Two vertices in which three lines meet may join along an edge between material and void. Vertices on the

@@ -46,7 +46,7 @@ class Arcs:
         return Arcs(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
     def rays(self) -> tuple[Floats, Floats]:
-        """Unit normals (k, 2, 2) of the lines from the centre to both feet; distances (k, 2) of these lines from 0.
+        """Lines from the centre through both feet: unit normals (k, 2, 2), and distances (k, 2) from the origin.
 
         Normals point away from the arc, so the region that an arc fills lies behind both lines."""
         a, b = (unit_vectors(foot - self.centre) for foot in (self.foot_a, self.foot_b))
@@ -103,8 +103,7 @@ def _first_centres(a: Floats, b: Floats, radius: Floats) -> tuple[Floats, Bools]
 
 
 def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -> tuple[Floats, Bools]:
-    """(k, 2) points at `radius` from lines through p, q with unit normals m, n; and a mask, False for parallel
-    lines."""
+    """(k, 2) points at `radius` from lines through p, q with unit normals m, n; mask, False for parallel lines."""
     det = m[:, 0] * n[:, 1] - m[:, 1] * n[:, 0]
     regular = np.abs(det) > 0.02  # smaller values mean nearly parallel walls
     det = np.where(regular, det, 1.0)
@@ -114,8 +113,7 @@ def circle_centres(p: Floats, m: Floats, q: Floats, n: Floats, radius: Floats) -
 
 
 def _nearest(line: Floats, point: Floats) -> tuple[Floats, Floats]:
-    """(k, 2) points of polylines (k, p, 2) nearest to points (k, 2), and the length of the line up to each nearest
-    point."""
+    """(k, 2) points of polylines (k, p, 2) nearest to points (k, 2), and lengths (k,) of the polylines up to them."""
     start, along = line[:, :-1], np.diff(line, axis=1)
     size = np.einsum("kpi,kpi->kp", along, along)
     t = np.einsum("kpi,kpi->kp", point[:, None] - start, along) / np.where(size > 0, size, 1.0)
@@ -248,7 +246,7 @@ class Corners:
         least = np.minimum(
             room_before[rows] / np.maximum(arcs.way_a, TINY), room_behind[rows] / np.maximum(arcs.way_b, TINY)
         )
-        fits = 0.995  # allows for rounding errors, because the margin of `rooms` is larger
+        fits = 0.995  # tolerance for rounding errors, within the margin of `rooms`
         factor = np.where(least >= fits, 1.0, np.maximum(fits * least, SMALLER))
         return arcs, np.where(arcs.touching, factor, SMALLER)
 

@@ -140,7 +140,7 @@ def _with_discs(sheet: Sheet, pinches: Ints, distance: Floats, radius: float, ru
 
 
 def _connected_to_pinches(mesh: PolygonMesh, inside: Bools, pinches: Ints) -> Bools:
-    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near it in space."""
+    """Mask (c,) of the polygons in `inside` that are connected to a pinch, and not only near a pinch in space."""
     part, owner = mesh.part_labels(inside), mesh.cells.owner
     return inside & np.isin(part, part[owner[inside[owner] & np.isin(mesh.cells.corner, pinches)]])
 

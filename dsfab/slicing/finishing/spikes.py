@@ -96,8 +96,7 @@ def _corners_beside(walls: Walls, tip: int, step: int, longest: float) -> list[t
 
 
 def _tooth(cells: Sheet, stretch: Ints, width: float) -> Spike | None:
-    """Return the tooth with the walls `stretch` (k,); None if this is not a tooth. width : mean width of members,
-    metres."""
+    """Return the tooth with the walls `stretch` (k,), or None without a tooth; width : mean member width, metres."""
     V, walls = cells.surface.V, cells.walls
     outline, member_cells = np.append(walls.start[stretch], walls.end[stretch[-1]]), walls.material_cells[stretch]
     X, step = V[outline], walls.length[stretch]

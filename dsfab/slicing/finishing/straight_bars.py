@@ -110,7 +110,7 @@ class FairBar:
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """Begin and end (k, 3), metres, of the sides of a bar at void, counter-clockwise."""
+    """Begin and end (k, 3), metres, of the sides of a bar that border void, counter-clockwise."""
     in_bar, beyond = bar[mesh.cells.owner], mesh.polygon_across
     wall = np.flatnonzero(in_bar & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.next_values(mesh.cells.corner)[wall]]
@@ -203,7 +203,7 @@ def _with_touching_stretches(mesh: PolygonMesh, seeds: Bools, part: Ints) -> Boo
 def _with_fair_bar(mesh: PolygonMesh, bar: Bools, fair_bar: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
     """Replace the polygons `bar` (c,) by the bar's new shape; return also the old polygon (c',) of each new polygon.
 
-    The mesh is None if the area of the bar would change by the factor `LARGER`."""
+    The mesh is None if the area of the bar would change by more than the factor `LARGER`."""
     opening = mesh.part_labels(mesh.void | bar)
     inside, source = np.isin(opening, opening[bar]) & (opening >= 0), np.arange(len(bar))
     line = mesh.lines.count + np.arange(2)

@@ -170,8 +170,7 @@ class _Bars:
         return np.asarray(accepted[group])
 
     def _groups(self, chosen: Bools) -> tuple[Ints, int]:
-        """Group (b,) of chosen bars, -1 for other bars; and the number of groups. A group has all bars at an
-        opening."""
+        """Group (b,) of chosen bars, -1 for others, and the number of groups; a group has all bars at one opening."""
         count = len(self.area)
         bar, opening = self.pair[chosen[self.pair[:, 0]]].T
         label = link_components(count + len(self.opening), bar, count + opening)[1][:count]

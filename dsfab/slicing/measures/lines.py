@@ -21,8 +21,8 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 class Labels(NamedTuple):
     """Outline edges (k,) of a material sheet: half-edge, first vertex, last vertex, number of the curve, and family.
 
-    The curve is the number of the sheet's line. All levels of field k count as one curve, -1 - k, because they meet at
-    tips only. The family is that of the cell, or `VOID` (-1) on the boundary of the uncut surface."""
+    The number of a curve is the number of the sheet's line, but -1 - k for all levels of field k, which meet at tips
+    only. The family is the cell's family, or `VOID` (-1) on the boundary of the uncut surface."""
 
     half_edge: Ints
     start: Ints
@@ -43,7 +43,7 @@ def outline_labels(sheet: Sheet) -> Labels:
 def outline_corners(sheet: Sheet) -> Floats:
     """Vertices (k, 3), metres, of a material sheet's outline where two curves meet, at any angle.
 
-    A fillet is one curve, so only its two ends are such vertices."""
+    A fillet is one curve, so only the two ends of a fillet are such vertices."""
     _, a, b, *names = outline_labels(sheet)
     curve = np.unique(np.stack(names), axis=1, return_inverse=True)[1].ravel()
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)

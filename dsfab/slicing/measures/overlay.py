@@ -31,12 +31,12 @@ ZERO = 2.0**-30  # Offsets from the middle of a band below this number, in the u
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """The stripes of one field of a cut. A stripe lies where a level is between the two columns of the field.
+    """The stripes of one field of a cut. A stripe lies where one of the levels is between both values of the field.
 
     family : name; fields of the same family do not cross each other.
-    field  : two columns at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
+    field  : two values at corners of the uncut surface; or values (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
-    centre : the middle line of a stripe lies where the mean of both columns is its level + centre.
+    centre : the middle line of a stripe lies where the mean of both values is the stripe's level + centre.
     hides  : if True, the stripe appears only in its own material, or in material of an earlier field that hides."""
 
     family: str
@@ -127,7 +127,7 @@ def _hidden_cells(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 class _BandOnCells:
     """The values of a band on triangles.
 
-    z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
+    z : (m, 3) mean of both values at the corners, in the triangle's sign.    d : (m,) half of their difference.
     number : (m,) the level nearest to the centroid.    off : (m,) difference between this level and z at the centroid.
     sign, shift : (m, 3) value at a corner = sign x value at its vertex + shift.
     blank : (m,) mask of triangles without values."""

@@ -227,7 +227,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _faces_near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """Return faces that the ball may reach, divided to edges of at most half the radius; without such faces all."""
+    """Return faces that the ball may reach, divided to edges of at most half the radius; if none, all faces."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)

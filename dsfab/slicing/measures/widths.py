@@ -28,8 +28,7 @@ class FarEnds(NamedTuple):
 
 
 class _Lines(NamedTuple):
-    """Lines on their way over triangles: number, half-edge of entry, metres along the half-edge, direction, and
-    length."""
+    """Lines on their way over triangles: number, half-edge of entry, metres along this half-edge, direction, length."""
 
     number: Ints
     edge: Ints
@@ -43,7 +42,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Trace lines from places (k,), metres, on half-edges (k,) to the boundary; lines start at right angles.
+    """Trace lines (k,) from places (k,), metres, on half-edges (k,) and at right angles to these, to the boundary.
 
     reach : metres; a longer line may stay without an end."""
     frames, twin, start_vertex = _frames(surface), surface.edges.twins, surface.F.ravel()
@@ -248,8 +247,7 @@ ROUNDING = 1e-6  # Widened members may miss a limit by this fraction of the limi
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest member, gap or edge: metres, place (3,), its name in words, and the width of the uncut mesh
-    there."""
+    """The smallest member, gap or edge: metres, place (3,), name in words, and the width of the uncut mesh there."""
 
     size: float
     place: Floats
@@ -314,7 +312,7 @@ def features(cells: Sheet, built: Bools, names: Sequence[str], tips: bool = Fals
 
     cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
-    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. They are exact between straight
+    Widths and gaps are the lengths of the lines in `crossings`, on the sheet itself. Lengths are exact between straight
     walls, and right to 1 - cos a between walls that bend by an angle a from edge to edge. Gaps in tips count if `tips`
     is set. Corners between walls at more than 20 degrees never count. Pieces and openings that are too small or too
     round for such lines count with 4 area / perimeter: in a triangle or a square, the diameter of the inner circle."""
