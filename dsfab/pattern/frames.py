@@ -121,7 +121,7 @@ class Frames:
 
     @classmethod
     def for_surface(cls, surface: Surface) -> Self:
-        """Return frames with t1 along the projected x axis, or y if the normal is near x; the choice changes no result."""
+        """Return frames with t1 along the projected x axis, or y if the normal is near x; this changes no result."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])

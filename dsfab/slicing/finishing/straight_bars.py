@@ -166,7 +166,7 @@ def with_straight_bars(
 
 
 def _near_singular(mesh: PolygonMesh, surface: Surface, fields: Sequence[Field]) -> Bools:
-    """Mask (c,) of material in or beside faces where its own field has no phase."""
+    """Mask (c,) of material in or beside faces where the material's own field has no phase."""
     blank = [x.blank if isinstance(x, CornerField) else np.zeros(surface.m, dtype=bool) for x in fields]
     near_blank = np.array([adjacent_faces(surface, faces) for faces in blank])
     return np.asarray(near_blank[mesh.family, mesh.parent] & ~mesh.void)

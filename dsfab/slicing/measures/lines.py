@@ -192,7 +192,9 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, at_corner: np.ndarray, share:
 
     An end is a corner of the face (`at_corner`), or lies at the fraction `share` of the side that begins at the corner.
     """
-    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # vertices on both sides of a cut become one
+    V, vertex = np.unique(
+        chart.surface.V, axis=0, return_inverse=True
+    )  # vertices on both sides of a cut become one vertex
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
     start, side = F[face, corner], edges.of[face, corner]
